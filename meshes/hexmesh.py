@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A hexahedral mesh as plain arrays: what every mesher makes and DOLFINx is fed with."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+# Faces of a hexahedron in VTK node order, counter-clockwise seen from outside.
+FACES = np.array(
+    [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
+)
+
+
+@dataclass(frozen=True)
+class HexMesh:
+    """Hexahedra with tagged regions and tagged surface facets.
+
+    Attributes:
+        points: Node positions, shape ``(n, 3)`` [m].
+        cells: Nodes of each hexahedron in VTK order (bottom counter-clockwise, then top),
+            shape ``(c, 8)``.
+        regions: Region tag of each cell, shape ``(c,)``.
+        facets: Nodes of each tagged surface quad, counter-clockwise from outside, ``(q, 4)``.
+        surfaces: Surface tag of each quad, shape ``(q,)``.
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    regions: npt.NDArray[np.int32]
+    facets: npt.NDArray[np.int64]
+    surfaces: npt.NDArray[np.int32]
+
+    def moved(self, points: npt.NDArray[np.float64]) -> "HexMesh":
+        """Return the same mesh with its nodes at ``points``, shape ``(n, 3)`` [m]."""
+        return replace(self, points=np.ascontiguousarray(points, dtype=np.float64))
+
+    def surface(self, *tags: int) -> npt.NDArray[np.int64]:
+        """Return the quads that carry any of ``tags``, shape ``(q, 4)``."""
+        return self.facets[np.isin(self.surfaces, tags)]
+
+
+def boundary(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the quads that belong to one cell only, seen from outside, shape ``(q, 4)``."""
+    quads = cells[:, FACES].reshape(-1, 4)
+    _, first, count = np.unique(np.sort(quads, axis=1), axis=0, return_index=True, return_counts=True)
+    return quads[np.sort(first[count == 1])]
+
+
+def join(*meshes: HexMesh) -> HexMesh:
+    """Return one mesh that holds the given ones side by side; nodes are not merged."""
+    shift = np.cumsum([0] + [len(m.points) for m in meshes[:-1]])
+    return HexMesh(
+        points=np.vstack([m.points for m in meshes]),
+        cells=np.vstack([m.cells + s for m, s in zip(meshes, shift, strict=True)]),
+        regions=np.concatenate([m.regions for m in meshes]),
+        facets=np.vstack([m.facets + s for m, s in zip(meshes, shift, strict=True)]),
+        surfaces=np.concatenate([m.surfaces for m in meshes]),
+    )

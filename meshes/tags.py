@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Names of every region (cells) and surface (facets) of a squealx mesh."""
+
+from enum import IntEnum
+
+
+class Tag(IntEnum):
+    """Region and surface tags; regions are below 100, surfaces from 100 on."""
+
+    # regions
+    TYRE = 1
+    WEB = 2
+    HUB = 3
+    AXLE = 4
+    RAIL_HEAD = 5
+    RAIL_WEB = 6
+    RAIL_FOOT = 7
+    BAR = 20
+    BLOCK = 21
+    BASE = 22
+    SPHERE = 23
+
+    # surfaces
+    TREAD = 101  # running surface of the wheel, tread and flange
+    RAILHEAD = 102  # running surface of the rail, rail top and gauge corner to the lower corners
+    FOOT_UNDERSIDE = 103
+    RAIL_ENDS = 104
+    AXLE_INNER = 105  # end of the half axle at the track centre
+    AXLE_OUTER = 106
+    JOURNAL = 107  # skin of the axle that carries the axle box
+    XMIN = 111
+    XMAX = 112
+    YMIN = 113
+    YMAX = 114
+    ZMIN = 115
+    ZMAX = 116
+    CAP = 117  # curved surface of a sphere
+
+
+def tag(name: str) -> Tag:
+    """Return the tag called ``name`` (any case).
+
+    Raises:
+        ValueError: if no region or surface has that name.
+    """
+    try:
+        return Tag[name.upper()]
+    except KeyError:
+        raise ValueError(f"unknown region or surface {name!r}; known: {', '.join(Tag.__members__)}") from None
