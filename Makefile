@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# Everything runs in .venv; "make setup" is idempotent and part of every other goal.
+BIN := .venv/bin
+RANKS ?= 2
+PYTEST ?=
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+# one thread per rank: BLAS threads would fight over the cores of the other ranks
+export OMP_NUM_THREADS ?= 1
+
+KERNEL := $(wildcard contact/kernel/*.[ch] contact/kernel/CMakeLists.txt)
+
+.PHONY: help setup demo test lint format clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo   run the main job (scene flange-transition, coarse) into demo/, with figures"
+	@echo "make test   linters, type check and the whole test suite (PYTEST='-m \"not slow\"' for less)"
+	@echo "make lint   linters and type check only;  make format  lay out Python and C"
+	@echo "make setup  make .venv ready (PYTHON=... picks the interpreter)"
+	@echo "make clean  remove what was built, caches and demo/;  .venv stays"
+
+setup: .venv/.ready
+
+.venv/.ready: .ci/setup pyproject.toml $(KERNEL)
+	@sh .ci/setup
+
+demo: setup
+	rm -rf demo
+	$(BIN)/squealx run flange-transition --out demo --ranks $(RANKS)
+	$(BIN)/squealx figures demo
+
+test: lint
+	$(BIN)/pytest $(PYTEST)
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(if $(KERNEL),$(BIN)/clang-format --dry-run --Werror $(filter %.c %.h,$(KERNEL)))
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+format: setup
+	$(BIN)/ruff check --fix --exit-zero
+	$(BIN)/ruff format
+	$(BIN)/clang-format -i $(filter %.c %.h,$(KERNEL))
+
+clean:
+	rm -rf build demo .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -path ./.venv -prune -o -name __pycache__ -type d -exec rm -rf {} +
