@@ -35,6 +35,10 @@ class Tag(IntEnum):
     ZMIN = 115
     ZMAX = 116
     CAP = 117  # curved surface of a sphere
+    BLOCK_BOTTOM = 118
+    BLOCK_TOP = 119
+    BASE_BOTTOM = 120
+    BASE_TOP = 121
 
 
 def tag(name: str) -> Tag:
@@ -46,4 +50,5 @@ def tag(name: str) -> Tag:
     try:
         return Tag[name.upper()]
     except KeyError:
-        raise ValueError(f"unknown region or surface {name!r}; known: {', '.join(Tag.__members__)}") from None
+        known = ", ".join(Tag.__members__)
+        raise ValueError(f"unknown region or surface {name!r}; known: {known}") from None
