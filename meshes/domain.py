@@ -3,12 +3,13 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import basix.ufl
 import dolfinx
 import numpy as np
 import numpy.typing as npt
 import ufl
-from mpi4py import MPI
 
 from meshes.hexmesh import HexMesh
 

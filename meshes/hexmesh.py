@@ -43,7 +43,9 @@ class HexMesh:
 def boundary(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return the quads that belong to one cell only, seen from outside, shape ``(q, 4)``."""
     quads = cells[:, FACES].reshape(-1, 4)
-    _, first, count = np.unique(np.sort(quads, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(
+        np.sort(quads, axis=1), axis=0, return_index=True, return_counts=True
+    )
     return quads[np.sort(first[count == 1])]
 
 

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Springs, dampers and point masses that hold bodies to each other or to the ground."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class PointMasses:
+    """Rigid point masses that move with the central-difference step of the bodies.
+
+    Attributes:
+        mass: Mass of each, shape ``(m,)`` [kg].
+        gravity: Acceleration of gravity, shape ``(3,)`` [m/s²].
+        free: 1 where a component may move, 0 where it is held, shape ``(m, 3)``.
+        base: Stiffness and damping of each to the ground, shapes ``(m, 3)`` [N/m], [N s/m].
+        u, v: Displacement at t and velocity at t − dt/2, shape ``(m, 3)`` [m], [m/s].
+        force: Force of this step, shape ``(m, 3)`` [N].
+    """
+
+    mass: Array
+    gravity: Array
+    free: Array
+    base_stiffness: Array
+    base_damping: Array
+    u: Array = field(init=False)
+    v: Array = field(init=False)
+    force: Array = field(init=False)
+    dissipation: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.u = np.zeros((len(self.mass), 3))
+        self.v = np.zeros_like(self.u)
+        self.force = np.zeros_like(self.u)
+
+    def base_force(self) -> Array:
+        """Weight and force of the springs and dampers to the ground, shape ``(m, 3)`` [N]."""
+        return (
+            self.mass[:, None] * self.gravity
+            - self.base_stiffness * self.u
+            - self.base_damping * self.v
+        )
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration under the force of this step, shape ``(m, 3)`` [m/s²]."""
+        return self.free * self.force / self.mass[:, None]
+
+    def step(self, dt: float) -> None:
+        """Kick and drift over ``dt`` [s]."""
+        self.dissipation += dt * float((self.base_damping * self.v**2).sum())
+        self.v += dt * self.acceleration
+        self.u += dt * self.v
+
+    def stored_energy(self) -> float:
+        """Energy of the springs to the ground less the work of gravity [J]."""
+        return float(
+            (self.base_stiffness * self.u**2).sum() / 2
+            - (self.mass[:, None] * self.gravity * self.u).sum()
+        )
+
+    def kinetic_energy(self, dt: float) -> float:
+        """Kinetic energy ``m v₋ · v₊ / 2`` of the two half-step velocities [J]."""
+        after = self.v + dt * self.acceleration
+        return float((self.mass[:, None] * self.v * after).sum() / 2)
+
+
+@dataclass
+class Spread:
+    """Springs and dampers spread over nodes, each node to its point mass (a pad under a rail).
+
+    Attributes:
+        dofs: Owned dof block of each node on this rank, shape ``(n,)``.
+        point: Point mass of each node, -1 for the ground, shape ``(n,)``.
+        stiffness, damping: Share of each node and direction, shape ``(n, 3)`` [N/m], [N s/m].
+        masses: The point masses.
+    """
+
+    dofs: npt.NDArray[np.int32]
+    point: npt.NDArray[np.int32]
+    stiffness: Array
+    damping: Array
+    masses: PointMasses
+    dissipation: float = 0.0
+
+    def stretch(self, u: Array, q: Array) -> Array:
+        """Node value less that of its point mass, shape ``(n, 3)``."""
+        e = u.reshape(-1, 3)[self.dofs]
+        tied = self.point >= 0
+        e[tied] -= q[self.point[tied]]
+        return e
+
+    def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
+        """Add to the nodal ``force`` and to this rank's share of the ``reaction`` on the masses."""
+        rate = self.stretch(v, self.masses.v)
+        f = -self.stiffness * self.stretch(u, self.masses.u) - self.damping * rate
+        np.add.at(force.reshape(-1, 3), self.dofs, f)
+        tied = self.point >= 0
+        np.add.at(reaction, self.point[tied], -f[tied])
+        self.dissipation += dt * float((self.damping * rate**2).sum())
+
+    def pull(self, u: Array, out: Array) -> None:
+        """Add the pull of the nodes on the masses at rest at zero, this rank's share [N]."""
+        tied = self.point >= 0
+        np.add.at(out, self.point[tied], (self.stiffness * u.reshape(-1, 3)[self.dofs])[tied])
+
+    def add_stiffness(self, out: Array) -> None:
+        """Add this rank's springs to the stiffness on each mass [N/m]."""
+        tied = self.point >= 0
+        np.add.at(out, self.point[tied], self.stiffness[tied])
+
+    def share(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """This rank's nodes (global), their masses and spring stiffness ``(n, 3)``."""
+        return number[self.dofs], self.point, self.stiffness
+
+    def stored_energy(self, u: Array) -> float:
+        """This rank's share of the spring energy [J]."""
+        return float((self.stiffness * self.stretch(u, self.masses.u) ** 2).sum() / 2)
+
+
+@dataclass
+class Mean:
+    """One spring and damper on the mean motion of many nodes (an axle box on a turning journal).
+
+    The mean of a ring does not feel the ring turn, which a spring on each node would.
+
+    Attributes:
+        dofs: Owned dof blocks on this rank, shape ``(n,)``.
+        weight: Share of each node in the mean (sums to 1 over all ranks), shape ``(n,)``.
+        point: Point mass at the other end, -1 for the ground.
+        stiffness, damping: Shape ``(3,)`` [N/m], [N s/m].
+    """
+
+    comm: MPI.Comm
+    dofs: npt.NDArray[np.int32]
+    weight: Array
+    point: int
+    stiffness: Array
+    damping: Array
+    masses: PointMasses
+    dissipation: float = 0.0
+
+    def stretch(self, u: Array, q: Array) -> Array:
+        """Mean node value less that of the point mass, shape ``(3,)``, alike on all ranks."""
+        mean = self.weight @ u.reshape(-1, 3)[self.dofs]
+        if self.comm.size > 1:
+            mean = self.comm.allreduce(mean)
+        return mean - q[self.point] if self.point >= 0 else mean
+
+    def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
+        """Add to the nodal ``force`` and, on rank 0, to the ``reaction`` on the masses."""
+        rate = self.stretch(v, self.masses.v)
+        f = -self.stiffness * self.stretch(u, self.masses.u) - self.damping * rate
+        np.add.at(force.reshape(-1, 3), self.dofs, self.weight[:, None] * f)
+        if self.comm.rank == 0:
+            if self.point >= 0:
+                reaction[self.point] -= f
+            self.dissipation += dt * float((self.damping * rate**2).sum())
+
+    def pull(self, u: Array, out: Array) -> None:
+        """Add the pull of the mean on the mass at rest at zero, all on rank 0 [N]."""
+        f = self.stiffness * self.stretch(u, np.zeros_like(self.masses.u))
+        if self.comm.rank == 0 and self.point >= 0:
+            out[self.point] += f
+
+    def add_stiffness(self, out: Array) -> None:
+        """Add the spring to the stiffness on its mass, all on rank 0 [N/m]."""
+        if self.comm.rank == 0 and self.point >= 0:
+            out[self.point] += self.stiffness
+
+    def share(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """This rank's nodes (global), their mass and weighted stiffness ``(n, 3)``."""
+        point = np.full(len(self.dofs), self.point, dtype=np.int32)
+        return number[self.dofs], point, np.outer(self.weight, self.stiffness)
+
+    def stored_energy(self, u: Array) -> float:
+        """This rank's share (all on rank 0) of the spring energy [J]."""
+        energy = float((self.stiffness * self.stretch(u, self.masses.u) ** 2).sum() / 2)
+        return energy if self.comm.rank == 0 else 0.0
+
+
+@dataclass
+class Connections:
+    """All springs and dampers of a model with their point masses, as one load."""
+
+    comm: MPI.Comm
+    masses: PointMasses
+    links: list[Spread | Mean]
+    dt: float
+
+    def add(self, state: Any, force: Any) -> None:
+        """Add the forces on the nodes and collect those on the point masses."""
+        reaction = np.zeros_like(self.masses.u)
+        for link in self.links:
+            link.add(state.u.x.array, state.v.x.array, force.array, reaction, self.dt)
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, reaction)
+        self.masses.force[:] = reaction + self.masses.base_force()
+
+    def stored_energy(self, u: Array) -> float:
+        """Energy of all springs less the work of gravity on the point masses [J]."""
+        links = sum(link.stored_energy(u) for link in self.links)
+        return float(self.comm.allreduce(links)) + self.masses.stored_energy()
+
+    def dissipation(self) -> float:
+        """Energy taken by all dampers so far [J]."""
+        links = sum(link.dissipation for link in self.links)
+        return float(self.comm.allreduce(links)) + self.masses.dissipation
+
+    def settle(self, u: Array) -> None:
+        """Move the point masses to rest at the displacement ``u`` of the nodes."""
+        pull = np.zeros_like(self.masses.u)
+        for link in self.links:
+            link.pull(u, pull)
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, pull)
+        pull += self.masses.mass[:, None] * self.masses.gravity
+        total = self.point_stiffness()
+        settled = (self.masses.free > 0) & (total > 0)
+        self.masses.u[:] = np.where(settled, pull / np.where(total > 0, total, 1.0), 0.0)
+
+    def point_stiffness(self) -> Array:
+        """Sum of all springs on each point mass, shape ``(m, 3)`` [N/m]."""
+        total = np.zeros_like(self.masses.u)
+        for link in self.links:
+            link.add_stiffness(total)
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, total)
+        return np.asarray(total + self.masses.base_stiffness)
+
+    def stiffness(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """Stiffness on the nodes with the point masses condensed out, as triplets on rank 0.
+
+        A mass between the springs ``k_i`` to the nodes and the rest of its springs leaves
+        ``diag(k) - k kᵀ / Σk``; a held mass leaves ``diag(k)``, a floating one no stiffness at all.
+
+        Args:
+            number: Global dof block of each owned dof block, shape ``(owned,)``.
+
+        Returns:
+            Global scalar rows, columns and values [N/m].
+        """
+        total = self.point_stiffness()
+        triplets = [(np.zeros(0), np.zeros(0), np.zeros(0))]
+        for link in self.links:
+            parts = self.comm.gather(link.share(number))
+            if parts is not None:
+                node, point, k = (np.concatenate(x) for x in zip(*parts, strict=True))
+                triplets += self._condensed(node, point, k, isinstance(link, Mean), total)
+        rows, columns, values = (np.concatenate(x) for x in zip(*triplets, strict=True))
+        return rows, columns, values
+
+    def _condensed(
+        self, node: Array, point: Array, k: Array, mean: bool, total: Array
+    ) -> Iterator[tuple[Array, Array, Array]]:
+        for m in np.unique(point):
+            mine = np.flatnonzero(point == m)
+            for axis in range(3):
+                b = k[mine, axis]
+                if not b.any():
+                    continue
+                block = np.outer(b, b) / b.sum() if mean else np.diag(b)
+                if m >= 0 and self.masses.free[m, axis] > 0:
+                    block = block - np.outer(b, b) / total[m, axis]
+                dof = 3 * node[mine] + axis
+                yield np.repeat(dof, len(dof)), np.tile(dof, len(dof)), block.ravel()

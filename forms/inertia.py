@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Lumped mass and body forces."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from forms.kernel import Array, CellKernel
+
+
+def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Array:
+    """Return the row-sum lumped mass of every local scalar dof, ghosts included [kg].
+
+    Row sums of the consistent mass, ``∫ ρ N_i``, with the quadrature that is exact on any trilinear
+    hexahedron: all entries are positive and their sum is the mass.
+
+    Args:
+        V: Vector P1 space.
+        dx: Volume measure with the region tags.
+        densities: Density of each group of regions [kg/m³].
+
+    Returns:
+        Mass, shape ``(3 * n_local,)`` [kg].
+
+    Raises:
+        ValueError: if the space is not P1 on hexahedra (row sums of higher orders go negative).
+    """
+    if V.mesh.basix_cell().name != "hexahedron" or V.element.basix_element.degree != 1:
+        raise ValueError("lumped mass: expected a P1 space on hexahedra")
+    w = ufl.TestFunction(V)
+    ones = ufl.as_vector([1.0, 1.0, 1.0])
+    exact = dx(metadata={"quadrature_degree": 3})
+    form = sum(rho * ufl.inner(ones, w) * exact(region) for region, rho in densities.items())
+    mass = dolfinx.la.vector(V.dofmap.index_map, V.dofmap.bs)
+    mass.array[:] = 0.0
+    CellKernel(form).add(mass)
+    mass.scatter_reverse(dolfinx.la.InsertMode.add)
+    mass.scatter_forward()
+    if not np.all(mass.array > 0):
+        raise ValueError("lumped mass: a node has no positive mass; is every region in a body?")
+    return mass.array.copy()

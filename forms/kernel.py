@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled cell kernels: the one place where a UFL one-form becomes native code and is applied."""
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+Array = npt.NDArray[np.float64]
+
+# FFCx's default flags run these kernels five times slower. Fast-math still propagates a NaN through
+# sums and products, and the guard that looks for it is compiled without (tests/test_kernel.py).
+JIT_OPTIONS = {
+    "cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math"],
+    "cffi_libraries": ["m"],
+}
+
+
+class CellKernel:
+    """A rank-1 UFL form over hexahedra, compiled with host flags and applied in place.
+
+    ``CellKernel(form).add(out)`` adds the form evaluated with its own coefficients;
+    ``add(u, v, out)`` first takes the given values in the order of ``form.coefficients()``.
+    The engine is DOLFINx assembly for now; callers see this class only.
+
+    Args:
+        form: Sum of cell integrals, linear in one test function.
+
+    Raises:
+        ValueError: if the form is not rank 1 or has other than cell integrals.
+    """
+
+    def __init__(self, form: Any) -> None:
+        arguments = form.arguments()
+        if len(arguments) != 1:
+            raise ValueError(
+                f"form: expected rank 1 (one test function), got rank {len(arguments)}"
+            )
+        kinds = {integral.integral_type() for integral in form.integrals()}
+        if kinds != {"cell"}:
+            raise ValueError(f"form: expected cell integrals only, got {sorted(kinds)}")
+        self.coefficients = form.coefficients()
+        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
+        self.constants = fem.pack_constants(self.compiled)
+
+    def add(self, *arguments: Any) -> None:
+        """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.
+
+        Ghost entries hold this rank's share only: the caller reverse-scatters once for all forces.
+
+        Args:
+            arguments: Optional coefficient values (functions or local arrays) followed by ``out``,
+                a local array or a ``dolfinx.la.Vector``.
+        """
+        *values, out = arguments
+        if values and len(values) != len(self.coefficients):
+            raise ValueError(
+                f"coefficients: expected none or {len(self.coefficients)}, got {len(values)}"
+            )
+        for own, value in zip(self.coefficients, values, strict=False):
+            given = value.x.array if isinstance(value, fem.Function) else value
+            if given is not own.x.array:
+                own.x.array[:] = given
+        array = out.array if isinstance(out, dolfinx.la.Vector) else out
+        fem.assemble_vector(array, self.compiled, self.constants)
+
+
+class CellIntegral:
+    """A scalar UFL functional (an energy), compiled once and summed over all ranks."""
+
+    def __init__(self, form: Any) -> None:
+        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
+        self.comm = self.compiled.mesh.comm
+
+    def __call__(self) -> float:
+        """Return the integral over the whole mesh with the current coefficients."""
+        return float(self.comm.allreduce(fem.assemble_scalar(self.compiled)))

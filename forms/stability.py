@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The largest stable step of central difference, from the scene's own forms."""
+
+from collections.abc import Callable
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from forms.kernel import Array, CellKernel
+
+CHUNK = 4096  # cells whose 24×24 eigenproblems are solved at once
+
+
+def cell_frequency(
+    V: Any, residual: Callable[[Any, Any], Any], mass: Callable[[Any], Any]
+) -> float:
+    """Return the largest eigenfrequency of any single cell, an upper bound of ω_max [rad/s].
+
+    The assembled eigenvalues are bounded by those of the cells (Irons and Treharne, 1971; Hughes,
+    The Finite Element Method, section 9.3). The cell matrices come from the given forms themselves,
+    written on the broken (discontinuous) space, where assembly is cell by cell. A cell is solved
+    only if its Frobenius norm, an upper bound of its largest eigenvalue, can still win.
+
+    Args:
+        V: Vector P1 space whose mesh is used.
+        residual: ``residual(u, w)``, the rank-1 form of the internal forces.
+        mass: ``mass(w)``, the rank-1 form whose vector is the lumped mass.
+
+    Returns:
+        The largest frequency over all ranks [rad/s].
+    """
+    broken = fem.functionspace(V.mesh, ("DG", 1, (3,)))
+    u, direction, w = fem.Function(broken), fem.Function(broken), ufl.TestFunction(broken)
+    kernel = CellKernel(ufl.derivative(residual(u, w), u, direction))
+    owned = V.mesh.topology.index_map(3).size_local
+    dofs = (3 * broken.dofmap.list[:owned, :, None] + np.arange(3)).reshape(owned, 24)
+    m = np.zeros_like(direction.x.array)
+    CellKernel(mass(w)).add(m)
+    scale = 1 / np.sqrt(np.where(m > 0, m, 1.0))
+
+    def column(j: int) -> Array:
+        """Column j of M^(-1/2) K M^(-1/2) of every owned cell, shape ``(owned, 24)``."""
+        direction.x.array[:] = 0.0
+        direction.x.array[dofs[:, j]] = scale[dofs[:, j]]
+        out = np.zeros_like(scale)
+        kernel.add(out)
+        return (scale * out)[dofs]
+
+    norm = np.sqrt(
+        sum((np.einsum("ci,ci->c", c, c) for c in map(column, range(24))), np.zeros(owned))
+    )
+    first = np.argsort(-norm)[:CHUNK]
+    best = _largest(first, column)
+    best = max(best, _largest(np.setdiff1d(np.flatnonzero(norm > best), first), column))
+    return float(np.sqrt(V.mesh.comm.allreduce(best, op=MPI.MAX)))
+
+
+def _largest(cells: npt.NDArray[np.int64], column: Callable[[int], Array]) -> float:
+    """Largest eigenvalue of the given cells."""
+    matrices = np.stack([column(j)[cells] for j in range(24)], axis=2)
+    chunks = (matrices[i : i + CHUNK] for i in range(0, len(cells), CHUNK))
+    return max(
+        (float(np.linalg.eigvalsh((A + A.transpose(0, 2, 1)) / 2).max()) for A in chunks),
+        default=0.0,
+    )
+
+
+def stable_step(
+    frequency: float, stiffness_damping: float = 0.0, mass_damping: float = 0.0
+) -> float:
+    """Return the critical step of central difference with damping lagged by half a step [s].
+
+    ``dt = 2/ω (√(1 + ζ²) − ζ)`` with ``ζ = β ω / 2 + α / (2 ω)`` (Belytschko, Liu and Moran,
+    Nonlinear Finite Elements for Continua and Structures, equation 6.2.14).
+    """
+    zeta = stiffness_damping * frequency / 2 + mass_damping / (2 * frequency)
+    return float(2 / frequency * (np.sqrt(1 + zeta**2) - zeta))

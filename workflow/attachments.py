@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a scene attaches to its bodies: supports, loads, damping, springs, contact."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+
+from forms.connections import Connections, Mean, PointMasses, Spread
+from forms.loads import DriveTorque, MassDamping, nodal_traction
+from meshes.domain import Domain
+from meshes.tags import tag
+from workflow.scene import Contact, RigidWall, Scene, SceneError, Support
+
+if TYPE_CHECKING:
+    from workflow.model import Model
+
+Array = npt.NDArray[np.float64]
+Dofs = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Held directions: node groups whose acceleration loses its component along a unit vector.
+
+    Attributes:
+        dofs: Owned dof blocks of each group.
+        directions: Unit vector of each group, shape ``(3,)``.
+    """
+
+    dofs: list[Dofs]
+    directions: list[Array]
+
+    def __call__(self, a: dolfinx.la.Vector) -> None:
+        """Remove the held components, in place."""
+        x = a.array.reshape(-1, 3)
+        for dofs, n in zip(self.dofs, self.directions, strict=True):
+            x[dofs] -= np.outer(x[dofs] @ n, n)
+
+
+def nodes_of(domain: Domain, names: list[str]) -> Dofs:
+    """Return the owned dof blocks of the cells in the regions called ``names``."""
+    cells = np.isin(domain.source.regions, [tag(r) for r in names])
+    dofs = domain.local_dofs(np.unique(domain.source.cells[cells]))
+    return dofs[dofs >= 0]
+
+
+def surface_nodes(domain: Domain, surface: str, key: str) -> npt.NDArray[np.int64]:
+    """Return the mesh nodes of a surface; ``key`` is named if the mesh has none of it."""
+    try:
+        quads = domain.source.surface(tag(surface))
+    except ValueError as error:
+        raise SceneError(f"{key}: {error}") from None
+    if not len(quads):
+        present = ", ".join(sorted(name(t) for t in np.unique(domain.source.surfaces)))
+        raise SceneError(f"{key} = {surface!r}: expected a surface of this mesh: {present}")
+    return np.unique(quads)
+
+
+def name(value: int) -> str:
+    """Return the scene's spelling of a tag."""
+    from meshes.tags import Tag
+
+    return Tag(value).name.lower()
+
+
+def axle(scene: Scene) -> Array:
+    """Return the unit vector along the axle, yawed by the angle of attack, shape ``(3,)``."""
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    return np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+
+
+def supports(
+    entries: list[Support], scene: Scene, domain: Domain, key: str = "supports"
+) -> Supports:
+    """Return the supports listed in a scene."""
+    axes = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2], "axle": axle(scene)}
+    dofs, directions = [], []
+    for i, entry in enumerate(entries):
+        local = domain.local_dofs(surface_nodes(domain, entry.surface, f"{key}.{i}.surface"))
+        for direction in entry.directions:
+            dofs.append(local[local >= 0])
+            directions.append(axes[direction])
+    return Supports(dofs, directions)
+
+
+def dead_load(scene: Scene, domain: Domain, mass: Array) -> Array:
+    """Return gravity and tractions as a force on every owned dof, shape ``(3 * owned,)`` [N]."""
+    nodal = np.zeros((domain.owned, 3))
+    if scene.gravity is not None:
+        nodal += mass.reshape(-1, 3)[: domain.owned] * np.array(scene.gravity)
+    for i, load in enumerate(scene.loads):
+        surface_nodes(domain, load.surface, f"loads.{i}.surface")
+        quads = domain.source.surface(tag(load.surface))
+        force = nodal_traction(domain.source.points, quads, np.array(load.traction))
+        nodal += force[domain.nodes[: domain.owned]]
+    return nodal.ravel()
+
+
+def attach(model: "Model") -> None:
+    """Attach what the scene names, and only that."""
+    scene = model.scene
+    if any(b.mass_damping for b in scene.bodies.values()):
+        model.damping = mass_damping(model)
+    if scene.vehicle or scene.track:
+        model.connections = connections(model)
+    for contact_name, contact in scene.contacts.items():
+        model.pairs[contact_name] = pair(model, contact_name, contact)
+
+
+def mass_damping(model: "Model") -> MassDamping:
+    """Return the mass-proportional damping of all bodies."""
+    owned = model.domain.owned
+    alpha = np.zeros((owned, 1))
+    for body, entry in model.scene.bodies.items():
+        alpha[model.body_dofs(body)] = entry.mass_damping
+    nodal = (model.mass.array.reshape(-1, 3)[:owned] * alpha).ravel()
+    return MassDamping(model.domain.msh.comm, nodal, model.dt)
+
+
+def connections(model: "Model") -> Connections:
+    """Return sprung mass on its suspension, and rail on pads, sleepers and ballast."""
+    scene, domain, comm = model.scene, model.domain, model.domain.msh.comm
+    gravity = np.array(scene.gravity or (0.0, 0.0, 0.0))
+    up = np.array([0.0, 0.0, 1.0])
+    seats = sleeper_seats(scene, domain) if scene.track else []
+    n = len(seats)
+    mass = np.full(n, scene.track.sleeper_mass) if scene.track else np.zeros(0)
+    k = np.outer(np.full(n, scene.track.ballast_stiffness), up) if scene.track else np.zeros((0, 3))
+    c = np.outer(np.full(n, scene.track.ballast_damping), up) if scene.track else np.zeros((0, 3))
+    if scene.vehicle:
+        mass = np.append(mass, scene.vehicle.sprung_mass)
+        k, c = np.vstack([k, np.zeros(3)]), np.vstack([c, np.zeros(3)])
+    masses = PointMasses(mass, gravity, np.outer(np.ones(len(mass)), up), k, c)
+    links: list[Spread | Mean] = []
+    if scene.track:
+        links.append(pads(scene, domain, masses, seats))
+    if scene.vehicle:
+        nodes = surface_nodes(domain, scene.vehicle.journal, "vehicle.journal")
+        share = surface_share(domain, scene.vehicle.journal)[nodes]
+        dofs = domain.local_dofs(nodes)
+        stiffness = up * scene.vehicle.suspension_stiffness
+        damping = up * scene.vehicle.suspension_damping
+        links.append(Mean(comm, dofs[dofs >= 0], share[dofs >= 0], n, stiffness, damping, masses))
+    return Connections(comm, masses, links, model.dt)
+
+
+def surface_share(domain: Domain, surface: str) -> Array:
+    """Return each mesh node's share of the area of a surface, summing to 1, shape ``(n,)``."""
+    force = nodal_traction(
+        domain.source.points, domain.source.surface(tag(surface)), np.array([1.0, 0, 0])
+    )
+    return np.asarray(force[:, 0] / force[:, 0].sum())
+
+
+def sleeper_seats(scene: Scene, domain: Domain) -> list[npt.NDArray[np.int64]]:
+    """Return the rail-foot nodes over each sleeper, sleepers counted from the track's middle.
+
+    A seat shorter than the mesh along the rail takes the nearest row of nodes.
+    """
+    track = scene.track
+    assert track is not None
+    nodes = surface_nodes(domain, track.seat, "track.seat")
+    x = domain.source.points[nodes, 0]
+    first, last = (
+        np.ceil((x.min() + 1e-9) / track.sleeper_spacing),
+        np.floor((x.max() - 1e-9) / track.sleeper_spacing),
+    )
+    seats = []
+    for centre in np.arange(first, last + 1) * track.sleeper_spacing:
+        distance = np.abs(x - centre)
+        reach = max(track.seat_length / 2, distance.min()) + 1e-9
+        seats.append(nodes[distance <= reach])
+    return seats
+
+
+def pads(
+    scene: Scene, domain: Domain, masses: PointMasses, seats: list[npt.NDArray[np.int64]]
+) -> Spread:
+    """Return the pads as springs and dampers spread over each seat in proportion to area."""
+    track = scene.track
+    assert track is not None
+    area = surface_share(domain, track.seat)
+    dofs = [domain.local_dofs(nodes) for nodes in seats]
+    share = np.concatenate(
+        [(area[s] / area[s].sum())[d >= 0] for s, d in zip(seats, dofs, strict=True)]
+    )
+    point = np.concatenate([np.full((d >= 0).sum(), i, dtype=np.int32) for i, d in enumerate(dofs)])
+    return Spread(
+        dofs=np.concatenate([d[d >= 0] for d in dofs]),
+        point=point,
+        stiffness=np.outer(share, track.pad_stiffness),
+        damping=np.outer(share, track.pad_damping),
+        masses=masses,
+    )
+
+
+def pair(model: "Model", key: str, contact: Contact) -> Any:
+    """Return the contact pair of a scene entry (the contact package is imported only here)."""
+    from contact import ContactPair, rigid_plane, surface
+
+    domain = model.domain
+    surface_nodes(domain, contact.contactor, f"contacts.{key}.contactor")
+    nodal = model.mass.array[::3]
+    if isinstance(contact.target, RigidWall):
+        wall = contact.target
+        target = rigid_plane(np.array(wall.origin), np.array(wall.normal), wall.half_width)
+    else:
+        surface_nodes(domain, contact.target, f"contacts.{key}.target")
+        target = surface(domain, tag(contact.target), nodal)
+    return ContactPair(
+        surface(domain, tag(contact.contactor), nodal),
+        target,
+        comm=domain.msh.comm,
+        dt=model.dt,
+        friction=contact.friction,
+        penalty=contact.penalty,
+        damping=contact.damping,
+        name=key,
+    )
+
+
+def drive(model: "Model", normal_force: float, radius: float) -> DriveTorque:
+    """Return the drive torque for a traction coefficient of the static wheel load.
+
+    Args:
+        model: The model at equilibrium.
+        normal_force: Static wheel load [N].
+        radius: Rolling radius [m].
+    """
+    rolling, domain = model.scene.rolling, model.domain
+    assert rolling is not None
+    dofs = nodes_of(domain, [rolling.driven_region])
+    return DriveTorque(
+        comm=domain.msh.comm,
+        dofs=dofs,
+        mass=model.mass.array[::3][dofs],
+        reference=domain.V.tabulate_dof_coordinates()[dofs],
+        axis=axle(model.scene),
+        torque=rolling.traction_coefficient * normal_force * radius,
+        ramp=rolling.torque_ramp,
+    )

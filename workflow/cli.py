@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The ``squealx`` command."""
+
+import contextlib
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version as package_version
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from workflow.scene import Scene, SceneError, names
+
+app = typer.Typer(
+    help="Explicit finite elements for wheel-rail rolling contact. "
+    "Start with: squealx scenes; squealx run bar-impact; squealx figures runs/bar-impact.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+SceneName = Annotated[str, typer.Argument(help="Name of a built-in scene, or path of a TOML file.")]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Change a key, e.g. --set mesh.size=2e-3 (SI units, TOML values)."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+@app.command()
+def scenes(as_json: Json = False) -> None:
+    """List the built-in scenes with their size and usual run time."""
+    listed = {name: Scene.load(name) for name in names()}
+    if as_json:
+        print(json.dumps({n: {"title": s.title, "about": s.about} for n, s in listed.items()}))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("scene", "what it shows", "size and time on two cores")
+    for name, scene in listed.items():
+        table.add_row(name, scene.title, scene.about)
+    Console().print(table)
+
+
+@app.command()
+def run(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[Path | None, typer.Option(help="Result folder [runs/NAME].")] = None,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the run.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Run a scene: results in --out, progress on the terminal, exit code 3 if a guard stops it."""
+    checked = load(scene, changes)
+    folder = out or Path("runs") / checked.name
+    if ranks > 1 and not in_mpi():
+        from workflow.results import claim
+
+        claim(folder)
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json))
+    from mpi4py import MPI
+
+    from workflow.running import run as run_scene
+
+    result = run_scene(checked, folder)
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(result.summary)) if as_json else print_summary(result.summary, folder)
+
+
+@app.command()
+def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
+    """Check a scene without meshing or running it."""
+    checked = load(scene, changes)
+    from workflow.geometry import check_profiles
+
+    check_profiles(checked)
+    if as_json:
+        print(json.dumps({"scene": checked.name, "valid": True}))
+    else:
+        print(f"{checked.name}: valid")
+
+
+@app.command()
+def figures(
+    folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
+) -> None:
+    """Draw the figures of a run into its folder figures/."""
+    if not (folder / "results.h5").is_file():
+        raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
+    from workflow.figures import draw
+
+    paths = draw(folder)
+    if as_json:
+        print(json.dumps({"figures": [str(p) for p in paths]}))
+    else:
+        print("\n".join(map(str, paths)))
+
+
+@app.command()
+def version(as_json: Json = False) -> None:
+    """Print the version of squealx and of what it stands on."""
+    found = {p: _version(p) for p in ("squealx", "fenics-dolfinx", "dolfinx-solver-real", "numpy")}
+    found = {k: v for k, v in found.items() if v}
+    print(json.dumps(found) if as_json else "\n".join(f"{k} {v}" for k, v in found.items()))
+
+
+def _version(package: str) -> str:
+    with contextlib.suppress(ModuleNotFoundError):
+        return package_version(package)
+    return ""
+
+
+def load(scene: str, changes: list[str] | None) -> Scene:
+    """Return the scene with the ``key=value`` changes of the command line."""
+    parsed: dict[str, Any] = {}
+    for change in changes or []:
+        key, equals, text = change.partition("=")
+        if not equals:
+            raise SceneError(f"--set {change!r}: expected key.path=value")
+        try:
+            parsed[key.strip()] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            parsed[key.strip()] = text
+    return Scene.load(scene, **parsed)
+
+
+def in_mpi() -> bool:
+    """Tell whether this process was started by mpiexec or srun."""
+    import os
+
+    return any(k in os.environ for k in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
+
+
+def on_ranks(ranks: int, scene: str, changes: list[str] | None, folder: Path, as_json: bool) -> int:
+    """Start this very command under ``mpiexec`` and return its exit code."""
+    beside = Path(sys.executable).with_name("mpiexec")
+    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
+    if launcher is None:
+        raise SceneError(f"--ranks {ranks}: expected mpiexec beside python or on PATH")
+    command = [launcher, "-n", str(ranks), sys.executable, "-m", "workflow.cli", "run", scene]
+    for change in changes or []:
+        command += ["--set", change]
+    command += ["--out", str(folder)] + ["--json"] * as_json
+    return subprocess.run(command, check=False).returncode
+
+
+def print_summary(summary: dict[str, Any], folder: Path) -> None:
+    """Print the summary table of a run."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"{summary['scene']} → {folder}", show_header=False)
+    table.add_row("cells, nodes", f"{summary['cells']}, {summary['nodes']}")
+    table.add_row("steps, step", f"{summary['steps']}, {summary['dt'] * 1e9:.1f} ns")
+    table.add_row("wall time, ranks", f"{summary['wall_seconds']:.1f} s, {summary['ranks']}")
+    rate = summary["element_updates_per_second"]
+    table.add_row("element updates", f"{rate / 1e6:.2f} M/s")
+    phases = summary["seconds_per_phase"].items()
+    table.add_row("seconds per phase", "\n".join(f"{k} {v:.1f}" for k, v in phases))
+    for key, value in (summary["energy"] or {}).items():
+        table.add_row(key.replace("_", " "), f"{value:.3%}" if "error" in key else f"{value:.4g} J")
+    for name, contact in summary["contacts"].items():
+        text = f"{contact['normal_force'] / 1e3:.2f} kN in {contact['patches']} patches"
+        table.add_row(f"contact {name}", f"{text}, {contact['max_penetration'] * 1e6:.1f} µm deep")
+    Console().print(table)
+
+
+def main() -> None:
+    """Run the command line; bad input exits with 2, a run stopped by a guard with 3."""
+    try:
+        app(standalone_mode=False)
+    except SceneError as error:
+        fail(2, str(error))
+    except typer.Abort:
+        sys.exit(130)
+    except Exception as error:
+        import click
+
+        if isinstance(error, click.ClickException):
+            error.show()
+            sys.exit(2)
+        if isinstance(error, click.exceptions.Exit):
+            sys.exit(error.exit_code)
+        from workflow.guards import GuardError
+
+        if isinstance(error, GuardError):
+            fail(3, str(error))
+        raise
+
+
+def fail(code: int, message: str) -> None:
+    """Print an error once (rank 0) and exit."""
+    import os
+
+    rank = os.environ.get("PMI_RANK") or os.environ.get("OMPI_COMM_WORLD_RANK") or "0"
+    if rank == "0":
+        print(f"squealx: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

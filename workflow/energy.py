@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The energy ledger: where the energy of a run is, and how far the balance is off."""
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from workflow.model import Model
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Energies at one time, all in joules.
+
+    ``kinetic`` is ``m v₋ · v₊ / 2`` with the velocities half a step before and after: together with
+    the strain energy it is what central difference keeps exactly in a linear problem (the square of
+    their mean is larger by ``m (dt a)² / 8`` and rings by that much).
+    ``contact`` is stored in contact springs, ``spring`` in connections (weight of point masses
+    included). Dissipations and works are sums since time zero. ``external_work`` is that of dead
+    loads and drive torque. The hourglass energy is zero with full quadrature.
+    """
+
+    kinetic: float
+    internal: float
+    hourglass: float
+    contact: float
+    spring: float
+    friction_dissipation: float
+    damping: float
+    external_work: float
+
+    @property
+    def total(self) -> float:
+        """What an exact integration would keep at its first value."""
+        stored = self.kinetic + self.internal + self.hourglass + self.contact + self.spring
+        return stored + self.friction_dissipation + self.damping - self.external_work
+
+
+class Ledger:
+    """Energies of a model against those at its start.
+
+    The balance error is the change of the total over the *reference energy*: the largest kinetic
+    plus stored energy seen so far, less the kinetic energy of a rigid ride, which does not take
+    part in the exchange (a wheelset at 80 km/h carries 100 kJ and exchanges 100 J).
+    """
+
+    def __init__(self, model: "Model") -> None:
+        self.model = model
+        self.ride = 0.0
+        self.start: Energy | None = None
+        self.reference = 0.0
+        self.internal_start = 0.0
+
+    def measure(self) -> tuple[Energy, float]:
+        """Return the energies now and the relative balance error."""
+        if self.start is None:
+            self.internal_start = self.model.strain_energy()
+        energy = self._now()
+        if self.start is None:
+            self.start = energy
+            self.ride = energy.kinetic if self.model.scene.rolling else 0.0
+        self.reference = max(self.reference, exchanged(energy, self.ride))
+        error = (energy.total - self.start.total) / self.reference if self.reference > 0 else 0.0
+        return energy, error
+
+    def _now(self) -> Energy:
+        m, state = self.model, self.model.state
+        n = 3 * m.domain.owned
+        before = state.v.x.array[:n]
+        after = before + m.dt * state.a.array[:n]
+        comm = m.domain.msh.comm
+        kinetic = comm.allreduce(float((m.mass.array[:n] * before) @ after) / 2)
+        u = state.u.x.array
+        internal = m.strain_energy()
+        damping = 0.0
+        if m.internal.damped:
+            damping += comm.allreduce(m.internal.work) - (internal - self.internal_start)
+        if m.damping is not None:
+            damping += comm.allreduce(m.damping.dissipation)
+        spring = 0.0
+        if m.connections is not None:
+            spring = m.connections.stored_energy(u)
+            damping += m.connections.dissipation()
+            kinetic += m.connections.masses.kinetic_energy(m.dt)
+        work = m.dead.work(u)
+        if m.drive is not None:
+            work += comm.allreduce(m.drive.work)
+        pairs = m.pairs.values()
+        return Energy(
+            kinetic=float(kinetic),
+            internal=internal,
+            hourglass=0.0,
+            contact=float(sum(p.stored_energy for p in pairs)),
+            spring=float(spring),
+            friction_dissipation=float(sum(p.friction_dissipation for p in pairs)),
+            damping=float(damping + sum(p.damping_dissipation for p in pairs)),
+            external_work=float(work),
+        )
+
+
+def exchanged(energy: Energy, ride: float) -> float:
+    """Kinetic energy beyond the rigid ride plus stored and dissipated energy [J]."""
+    return (
+        max(energy.kinetic - ride, 0.0)
+        + energy.internal
+        + energy.contact
+        + energy.friction_dissipation
+        + energy.damping
+    )
+
+
+def columns(energy: Energy, error: float) -> dict[str, float]:
+    """Return the energies and the balance error by name."""
+    return {**asdict(energy), "balance_error": error}
+
+
+def finite(energy: Energy) -> bool:
+    """Tell whether no energy is NaN or infinite."""
+    return bool(np.isfinite(list(asdict(energy).values())).all())

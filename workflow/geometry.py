@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The mesh of a scene: made on rank 0, distributed by DOLFINx."""
+
+from collections.abc import Callable
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from meshes.domain import Domain, distribute
+from meshes.hexmesh import HexMesh, join
+from meshes.tags import Tag
+from workflow.scene import BarMesh, BlocksMesh, CapMesh, Scene, SceneError, WheelRailMesh
+
+
+def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
+    """Return the distributed mesh of a scene and, for wheel on rail, its placement.
+
+    An error in meshing on rank 0 is raised on every rank.
+    """
+    mesh, placement, error = None, None, None
+    if comm.rank == 0:
+        try:
+            mesh, placement = mesh_of(scene)
+            log(f"mesh: {len(mesh.cells)} cells, {len(mesh.points)} nodes")
+        except (ValueError, OSError) as caught:
+            error = SceneError(str(caught))
+    error = comm.bcast(error)
+    if error is not None:
+        raise error
+    return distribute(mesh, comm), comm.bcast(placement)
+
+
+def mesh_of(scene: Scene) -> tuple[HexMesh, Any]:
+    """Return the mesh of a scene on this process, and the placement of wheel on rail or None."""
+    mesh = scene.mesh
+    if isinstance(mesh, WheelRailMesh):
+        return wheel_on_rail(scene, mesh)
+    from meshes import blocks
+
+    if isinstance(mesh, BarMesh):
+        return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
+    if isinstance(mesh, BlocksMesh):
+        return block_on_base(mesh), None
+    assert isinstance(mesh, CapMesh)
+    cap = blocks.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
+    return join(cap, blocks.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
+
+
+def block_on_base(mesh: BlocksMesh) -> HexMesh:
+    """Return a block that rests near the start of a longer base, free to slide in +x."""
+    from meshes import blocks
+
+    (length, width, height), (base_length, base_width, depth) = mesh.block, mesh.base
+    start = (base_width - width) / 2
+    upper = blocks.block(
+        (0.0, -width / 2, 0.0),
+        (length, width / 2, height),
+        size=mesh.size,
+        surfaces={Tag.ZMIN: Tag.BLOCK_BOTTOM},
+    )
+    lower = blocks.block(
+        (-start, -base_width / 2, -depth),
+        (base_length - start, base_width / 2, 0.0),
+        size=mesh.base_size,
+        region=Tag.BASE,
+        surfaces=blocks.BASE_FACES,
+    )
+    return join(upper, lower)
+
+
+def rolling_zone(scene: Scene) -> tuple[float, float]:
+    """Return where along the rail the wheel will roll, from the first contact on [m].
+
+    The flange touches ahead of the tread by the angle of attack times the lever of the flange
+    angle, about R tan(70°) sin(angle of attack).
+    """
+    mesh, rolling = scene.mesh, scene.rolling
+    assert isinstance(mesh, WheelRailMesh)
+    travel = rolling.speed * scene.time.end if rolling else 0.0
+    lead = (
+        mesh.wheel_radius
+        * np.tan(np.radians(70))
+        * np.sin(rolling.angle_of_attack if rolling else 0.0)
+    )
+    ahead = max(travel, 0.0) + max(lead, 0.0)
+    behind = min(travel, 0.0) + min(lead, 0.0)
+    return behind - mesh.margin, ahead + mesh.margin

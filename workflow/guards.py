@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What stops a run that has gone wrong, and what it says."""
+
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+
+from meshes.tags import Tag
+
+if TYPE_CHECKING:
+    from workflow.model import Model
+
+
+class GuardError(RuntimeError):
+    """A run stopped by a physics guard; its results up to there are kept."""
+
+
+def check_finite(model: "Model") -> None:
+    """Raise on every rank if an acceleration is NaN or infinite, naming body, node and position."""
+    n = 3 * model.domain.owned
+    a = model.state.a.array[:n]
+    comm = model.domain.msh.comm
+    bad = not np.isfinite(a @ a)
+    if comm.size > 1:
+        bad = comm.allreduce(bad, op=MPI.LOR)
+    if not bad:
+        return
+    rows = np.flatnonzero(~np.isfinite((a.reshape(-1, 3) ** 2).sum(axis=1)))
+    places = [p for p in comm.allgather(_place(model, int(rows[0])) if len(rows) else "") if p]
+    where = places[0] if places else "spread over several ranks"
+    raise GuardError(
+        f"non-finite acceleration at step {model.state.step}, t = {model.state.t:.6e} s, {where}; "
+        f"dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s: a smaller time.safety or contact "
+        "penalty is the usual remedy"
+    )
+
+
+def _place(model: "Model", dof: int) -> str:
+    domain = model.domain
+    node = int(domain.nodes[dof])
+    cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
+    region = Tag(int(domain.source.regions[cell])).name.lower()
+    bodies = model.scene.bodies.items()
+    body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
+    x, y, z = domain.source.points[node]
+    return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+
+
+def check_energy(model: "Model", error: float) -> None:
+    """Raise if the balance error of the ledger is over the scene's share."""
+    limit = model.scene.guards.energy_error
+    if not abs(error) <= limit:
+        raise GuardError(
+            f"energy balance error {error:.2%} at step {model.state.step}, "
+            f"t = {model.state.t:.6e} s is over guards.energy_error = {limit:.2%}; "
+            f"likely an unstable step: dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s; "
+            "try a smaller time.safety or penalty"
+        )

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a run says while it goes on: a progress line with time remaining, and ``run.log``."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import rich.console
+import rich.progress as bar
+
+if TYPE_CHECKING:
+    from workflow.model import Model
+
+REFRESH = 0.2  # s between updates of the line
+
+
+class Progress:
+    """Progress of one run on rank 0; silent elsewhere.
+
+    Args:
+        path: The log file, ``None`` for none.
+        quiet: Nothing on the terminal.
+    """
+
+    def __init__(self, path: Path | None, quiet: bool) -> None:
+        self.file = path.open("w", encoding="utf-8") if path else None
+        self.console = rich.console.Console(stderr=True, quiet=quiet)
+        self.bar: bar.Progress | None = None
+        self.shown = 0.0
+        self.note = ""
+
+    def log(self, line: str) -> None:
+        """Print a line and keep it in the log."""
+        if self.file:
+            self.file.write(f"{time.strftime('%H:%M:%S')} {line}\n")
+            self.file.flush()
+            self.console.print(line, highlight=False)
+
+    def start(self, steps: int, dt: float) -> None:
+        """Begin the progress line of ``steps`` steps of ``dt`` seconds."""
+        self.dt = dt
+        self.log(f"stepping: {steps} steps of {dt * 1e9:.1f} ns")
+        if self.console.quiet:
+            return
+        self.bar = bar.Progress(
+            bar.TextColumn("{task.fields[clock]}"),
+            bar.BarColumn(),
+            bar.TaskProgressColumn(),
+            bar.TextColumn("{task.fields[rate]}"),
+            bar.TimeRemainingColumn(),
+            bar.TextColumn("{task.fields[note]}"),
+            console=self.console,
+            auto_refresh=False,
+        )
+        self.task = self.bar.add_task("", total=steps, clock="", rate="", note="")
+        self.bar.start()
+        self.began = time.perf_counter()
+
+    def step(self, step: int) -> None:
+        """Move the line on, a few times a second at most."""
+        if self.bar is None or time.perf_counter() - self.shown < REFRESH:
+            return
+        self.shown = time.perf_counter()
+        rate = step / max(self.shown - self.began, 1e-9)
+        self.bar.update(
+            self.task,
+            completed=step,
+            clock=f"t = {step * self.dt * 1e3:.3f} ms",
+            rate=f"{rate:.0f} steps/s",
+            note=self.note,
+            refresh=True,
+        )
+
+    def output(self, model: "Model", error: float) -> None:
+        """Note the state at an output: energy error, contact force and patches."""
+        parts = [f"energy {error:+.1e}"]
+        for name, pair in model.pairs.items():
+            parts.append(f"{name} {pair.normal_force / 1e3:.1f} kN, {pair.active} nodes")
+        self.note = "; ".join(parts)
+        if self.file:
+            line = f"t = {model.state.t * 1e3:.4f} ms, step {model.state.step}: {self.note}"
+            self.file.write(f"{time.strftime('%H:%M:%S')} {line}\n")
+            self.file.flush()
+
+    def close(self, *_: Any) -> None:
+        """End the line and the log."""
+        if self.bar is not None:
+            self.bar.refresh()
+            self.bar.stop()
+        if self.file:
+            self.file.close()

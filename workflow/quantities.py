@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Numbers with units: the types of a scene's fields, and the message when a value does not fit."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel, Field
+
+
+def _number(unit: str, **limits: float) -> Any:
+    return Field(strict=True, allow_inf_nan=False, json_schema_extra={"unit": unit}, **limits)  # type: ignore[arg-type]
+
+
+Length = Annotated[float, _number("m", gt=0)]
+Position = Annotated[float, _number("m")]
+Angle = Annotated[float, _number("rad", ge=-0.2, le=0.2)]
+Slope = Annotated[float, _number("-", ge=0, le=0.2)]
+Duration = Annotated[float, _number("s", gt=0)]
+Delay = Annotated[float, _number("s", ge=0)]
+Mass = Annotated[float, _number("kg", gt=0)]
+Modulus = Annotated[float, _number("Pa", gt=0)]
+Stress = Annotated[float, _number("Pa")]
+Ratio = Annotated[float, _number("-", ge=0, lt=0.5)]
+Density = Annotated[float, _number("kg/m^3", gt=0)]
+Speed = Annotated[float, _number("m/s")]
+Acceleration = Annotated[float, _number("m/s^2")]
+Stiffness = Annotated[float, _number("N/m", ge=0)]
+Damping = Annotated[float, _number("N s/m", ge=0)]
+Rate = Annotated[float, _number("1/s", ge=0)]
+Friction = Annotated[float, _number("-", ge=0)]
+Factor = Annotated[float, _number("-", gt=0)]
+Share = Annotated[float, _number("-", ge=0)]
+Growth = Annotated[float, _number("-", ge=1, le=2)]
+Component = Annotated[float, _number("-")]
+Step = Annotated[float, _number("-", gt=0, le=1.2)]
+Count = Annotated[int, Field(ge=1, strict=True)]
+Direction = Literal["x", "y", "z", "axle"]
+
+
+def explain(error: Any, data: Any, root: type[BaseModel]) -> str:
+    """Return one line for a pydantic error: the dotted key, what it got, what it expects."""
+    keys: list[str] = []
+    for part in error["loc"]:
+        if isinstance(data, Mapping) and (part in data or error["type"] == "missing"):
+            data = data.get(part)
+        elif isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
+            data = data[part]
+        else:
+            continue  # the tag of a union, not a key
+        keys.append(str(part))
+    key = ".".join(keys) or "scene"
+    unit = unit_of(root, keys)
+    unit = f" [{unit}]" if unit else ""
+    if error["type"] == "value_error":
+        return str(error["ctx"]["error"])
+    if error["type"] == "missing":
+        return f"{key}: missing; expected a value{unit}"
+    if error["type"] == "extra_forbidden":
+        return f"{key} = {error['input']!r}: unknown key"
+    expected = error["msg"].removeprefix("Input should be ")
+    return f"{key} = {error['input']!r}: expected {expected}{unit}"
+
+
+def unit_of(annotation: Any, keys: list[str]) -> str:
+    """Return the unit of the field at ``keys`` below a model or type, empty if it has none."""
+    if get_origin(annotation) is Annotated:
+        base, *notes = get_args(annotation)
+        own = [n.json_schema_extra for n in notes if getattr(n, "json_schema_extra", None)]
+        return str(own[0]["unit"]) if own and not keys else unit_of(base, keys)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        field = annotation.model_fields.get(keys[0]) if keys else None
+        if field is None:
+            return ""
+        extra = field.json_schema_extra
+        if isinstance(extra, dict) and len(keys) == 1:
+            return str(extra["unit"])
+        return unit_of(field.annotation, keys[1:])
+    inner = keys
+    if get_origin(annotation) in (list, tuple, dict) and keys:
+        inner = keys[1:]
+    return next((unit for a in get_args(annotation) if (unit := unit_of(a, inner))), "")

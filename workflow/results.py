@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The result folder of a run: settings, history, contact, fields and summary."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+import tomli_w
+
+from meshes.domain import Domain
+from workflow.fields import FieldWriter
+from workflow.scene import Scene, SceneError
+
+UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
+
+
+def claim(folder: str | Path) -> Path:
+    """Make the folder of a new run and return it.
+
+    Raises:
+        SceneError: if it holds a run already or cannot be written.
+    """
+    path = Path(folder)
+    if (path / "scene.toml").exists() or (path / "summary.json").exists():
+        raise SceneError(f"out = {str(path)!r}: already holds a run; expected a new folder")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise SceneError(f"out = {str(path)!r}: not writable ({error.strerror})") from None
+    if not os.access(path, os.W_OK):
+        raise SceneError(f"out = {str(path)!r}: not writable")
+    return path
+
+
+class Results:
+    """Writes the results of a run as it goes; all methods are collective, rank 0 writes."""
+
+    def __init__(self, folder: Path, scene: Scene, domain: Domain) -> None:
+        self.folder, self.domain, self.comm = folder, domain, domain.msh.comm
+        self.outputs = 0
+        self.fields: FieldWriter | None = None
+        if self.comm.rank == 0:
+            (folder / "scene.toml").write_text(tomli_w.dumps(scene.tables()), "utf-8")
+            with h5py.File(folder / "results.h5", "w", locking=False) as file:
+                file.attrs["scene"] = scene.name
+                file.create_group("history")
+                file.create_group("contact")
+            if scene.output.fields:
+                self.fields = FieldWriter(folder / "fields.vtkhdf", domain.source)
+        self.write_fields = scene.output.fields
+
+    def append(self, history: Mapping[str, float], footprints: Mapping[str, Any]) -> None:
+        """Add one output: a row of the history and the footprint of each contact pair."""
+        if self.comm.rank == 0:
+            with h5py.File(self.folder / "results.h5", "r+", locking=False) as file:
+                for name, value in history.items():
+                    _append(file["history"], name, value)
+                for name, footprint in footprints.items():
+                    group = file.require_group(f"contact/{name}/{self.outputs}")
+                    group.attrs["t"] = history["t"]
+                    for key, array in contact_arrays(footprint).items():
+                        data = group.create_dataset(key, data=array)
+                        data.attrs["units"] = CONTACT_UNITS[key]
+        self.outputs += 1
+
+    def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
+        """Add displacement and velocity (local arrays) of the whole mesh."""
+        if self.write_fields:
+            displacement, velocity = gather(self.domain, u), gather(self.domain, v)
+            if self.fields is not None:
+                self.fields.append(t, displacement, velocity)
+
+    def summarise(self, summary: Mapping[str, Any]) -> None:
+        """Write ``summary.json``."""
+        if self.comm.rank == 0:
+            text = json.dumps(summary, indent=2, default=float)
+            (self.folder / "summary.json").write_text(text + "\n", "utf-8")
+
+
+CONTACT_UNITS = {
+    "node": "1",
+    "position": "m",
+    "normal": "1",
+    "normal_force": "N",
+    "tangential_force": "N",
+    "area": "m^2",
+    "slip_velocity": "m/s",
+    "stick": "1",
+    "patch": "1",
+    "friction": "1",
+}
+
+
+def contact_arrays(footprint: Any) -> dict[str, npt.NDArray[Any]]:
+    """Return the per-node arrays of a footprint by name."""
+    return {
+        key: np.asarray(getattr(footprint, key)) for key in CONTACT_UNITS if hasattr(footprint, key)
+    }
+
+
+def gather(domain: Domain, local: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Return a local vector field in mesh node order on rank 0, shape ``(n, 3)``."""
+    own = local.reshape(-1, 3)[: domain.owned]
+    parts = domain.msh.comm.gather((domain.nodes[: domain.owned], own))
+    out = np.zeros((len(domain.source.points) if parts else 0, 3))
+    for nodes, values in parts or ():
+        out[nodes] = values
+    return out
+
+
+def _append(group: Any, name: str, value: float) -> None:
+    if name not in group:
+        data = group.create_dataset(name, shape=(0,), maxshape=(None,), dtype="f8", chunks=(1024,))
+        data.attrs["units"] = unit(name)
+    data = group[name]
+    data.resize(len(data) + 1, axis=0)
+    data[-1] = value
+
+
+def unit(name: str) -> str:
+    """Return the unit of a history column, from the last word of its name."""
+    words = name.split("/")[-1].split("_")
+    return next((UNITS[w] for w in reversed(words) if w in UNITS), "J")

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The start of rolling: spin and travel of the wheelset, as close to steady as known beforehand."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import la
+
+from forms.elasticity import full
+from forms.kernel import CellKernel
+from workflow.attachments import axle
+from workflow.model import Model, regions
+
+Array = npt.NDArray[np.float64]
+
+
+def travel(model: Model) -> Array:
+    """Velocity of the wheel centre, shape ``(3,)`` [m/s]."""
+    rolling = model.scene.rolling
+    assert rolling is not None
+    return rolling.speed * np.array([np.cos(rolling.travel), np.sin(rolling.travel), 0.0])
+
+
+def spin(model: Model) -> Array:
+    """Angular velocity for rolling without creepage at the tread, shape ``(3,)`` [rad/s]."""
+    rolling = model.scene.rolling
+    assert rolling is not None
+    forward = rolling.speed * np.cos(rolling.travel - rolling.angle_of_attack)
+    return forward / model.placement.rolling_radius * axle(model.scene)
+
+
+def centrifugal(model: Model) -> Array:
+    """Centrifugal force ``m ω² r`` on every owned dof of the wheelset [N], shape ``(3 owned,)``."""
+    rolling = model.scene.rolling
+    assert rolling is not None
+    force = np.zeros((model.domain.owned, 3))
+    dofs, omega = model.body_dofs(rolling.body), spin(model)
+    r = model.domain.V.tabulate_dof_coordinates()[dofs] - np.array(model.placement.centre)
+    force[dofs] = -model.mass.array[::3][dofs, None] * np.cross(omega, np.cross(omega, r))
+    return force.ravel()
+
+
+def start(model: Model) -> None:
+    """Set the velocities at time zero, in place.
+
+    With ``steady_start`` the deformation at rest is taken to travel with the contact: a wheel node
+    at ``x = c + χ + w(χ)`` has the velocity ``V + ω × χ + ∇w (ω × χ)``, and the rail's pattern
+    ``w(x - V t)`` gives it ``-∇w V``. Without it the wheelset is thrown as a rigid body and the
+    contact zone has to build its flow of material in the first millimetres.
+    """
+    rolling, state = model.scene.rolling, model.state
+    assert rolling is not None
+    V, omega, centre = travel(model), spin(model), np.array(model.placement.centre)
+    x = model.domain.V.tabulate_dof_coordinates()
+    v = state.v.x.array.reshape(-1, 3)
+    if rolling.steady_start:
+        v[: model.domain.owned] = convected(model, V, omega, centre)
+    dofs = model.body_dofs(rolling.body)
+    v[dofs] += V + np.cross(omega, x[dofs] - centre)
+    model.supports(state.v.x)
+    state.v.x.scatter_forward()
+
+
+def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
+    """Nodal ``∇w · flow`` by lumped projection, shape ``(owned, 3)`` [m/s].
+
+    ``flow`` is the velocity of the material through the pattern: ``ω × χ`` in the wheelset,
+    ``-V`` in all other bodies.
+    """
+    scene, domain = model.scene, model.domain
+    x, w = ufl.SpatialCoordinate(domain.msh), ufl.TestFunction(domain.V)
+    dx = full(domain.msh, domain.regions)
+
+    def flow(body: str) -> Any:
+        if body != scene.rolling.body:  # type: ignore[union-attr]
+            return ufl.as_vector([-float(c) for c in V])
+        return ufl.cross(
+            ufl.as_vector([float(c) for c in omega]), x - ufl.as_vector([float(c) for c in centre])
+        )
+
+    form = sum(
+        model.materials[name].rho
+        * ufl.inner(ufl.grad(model.state.u) * flow(name), w)
+        * dx(regions(body))
+        for name, body in scene.bodies.items()
+    )
+    out = la.vector(domain.V.dofmap.index_map, 3)
+    out.array[:] = 0.0
+    CellKernel(form).add(out)
+    out.scatter_reverse(la.InsertMode.add)
+    n = 3 * domain.owned
+    return np.asarray((out.array[:n] / model.mass.array[:n]).reshape(-1, 3))

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A run from scene to results: equilibrium, rolling start, steps, outputs, summary."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from workflow import guards
+from workflow.clock import Clock
+from workflow.energy import Energy, Ledger, columns
+from workflow.model import Model, build
+from workflow.progress import Progress
+from workflow.results import Results, claim
+from workflow.scene import Scene, SceneError
+from workflow.stepping import central_difference
+
+
+@dataclass
+class Result:
+    """A finished (or stopped) run.
+
+    Attributes:
+        folder: Where its results are.
+        summary: The contents of ``summary.json``.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+
+    @property
+    def history(self) -> dict[str, Any]:
+        """Columns of ``/history`` in ``results.h5``."""
+        import h5py
+
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            return {name: data[:] for name, data in file["history"].items()}
+
+
+def run(
+    scene: Scene,
+    out: str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    watch: Callable[[Model], None] | None = None,
+    quiet: bool = False,
+) -> Result:
+    """Run a scene and leave its results in a new folder.
+
+    Args:
+        scene: What to run.
+        out: Result folder; made if missing, must not hold a run.
+        comm: Ranks that share the run.
+        watch: Called with the model at every step, for experiments.
+        quiet: No progress on the terminal; ``run.log`` is always written.
+
+    Raises:
+        SceneError: bad input, before anything is written.
+        GuardError: the run was stopped; everything up to there is kept.
+    """
+    started = time.perf_counter()
+    folder = _claim(out, comm)
+    clock = Clock()
+    progress = Progress(folder / "run.log" if comm.rank == 0 else None, quiet or comm.rank != 0)
+    model = build(scene, comm, progress.log, clock)
+    results = Results(folder, scene, model.domain)
+    energy, error, status = None, 0.0, "done"
+    try:
+        with clock.phase("equilibrium"):
+            start(model, progress.log)
+        for energy, error in steps(model, results, clock, progress, watch):
+            pass
+    except guards.GuardError as stop:
+        status = f"stopped: {stop}"
+        raise
+    except BaseException as failure:
+        status = f"failed: {type(failure).__name__}: {failure}"
+        raise
+    finally:
+        wall = time.perf_counter() - started
+        summary = summarise(model, energy, error, status, clock, wall)
+        results.summarise(summary)
+        progress.close()
+    return Result(folder, summary)
+
+
+def _claim(out: str | Path, comm: MPI.Comm) -> Path:
+    error, folder = None, Path(out)
+    if comm.rank == 0:
+        try:
+            folder = claim(out)
+        except SceneError as caught:
+            error = caught
+    error = comm.bcast(error)
+    if error is not None:
+        raise error
+    return folder
+
+
+def start(model: Model, log: Callable[[str], Any]) -> None:
+    """Bring the model to rest and set its initial velocities, as the scene asks."""
+    scene = model.scene
+    if scene.equilibrium is not None:
+        from workflow.equilibrium import equilibrium
+
+        extra = np.zeros(0)
+        if scene.rolling is not None:
+            from workflow import rolling
+
+            extra = rolling.centrifugal(model)
+        equilibrium(model, scene.equilibrium, extra, log)
+    v = model.state.v.x.array.reshape(-1, 3)
+    for name, body in scene.bodies.items():
+        if body.velocity is not None:
+            v[model.body_dofs(name)] = body.velocity
+    model.supports(model.state.v.x)
+    if scene.rolling is not None:
+        from workflow import rolling
+
+        rolling.start(model)
+    model.state.v.x.scatter_forward()
+
+
+def steps(
+    model: Model,
+    results: Results,
+    clock: Clock,
+    progress: Progress,
+    watch: Callable[[Model], None] | None,
+) -> Iterator[tuple[Energy, float]]:
+    """Step to the end; yield energies and balance error at every output."""
+    scene, state = model.scene, model.state
+    ledger = Ledger(model)
+    per_output = round(scene.time.output_interval / model.dt)
+    last = round(scene.time.end / model.dt)
+    loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
+    drift = model.connections.masses.step if model.connections is not None else None
+    progress.start(last, model.dt)
+    loop = central_difference(
+        state, model.mass.petsc_vec, loads, model.supports, model.dt, last * model.dt, drift
+    )
+    began = time.perf_counter()
+    busy = sum(clock.seconds.values())
+    for _ in loop:
+        guards.check_finite(model)
+        if watch is not None:
+            watch(model)
+        if state.step % per_output == 0:
+            with clock.phase("output"):
+                energy, error = ledger.measure()
+                output(model, results, energy, error)
+            progress.output(model, error)
+            guards.check_energy(model, error)
+            yield energy, error
+        elif state.step % scene.guards.check_interval == 0:
+            guards.check_energy(model, ledger.measure()[1])
+        progress.step(state.step)
+    others = sum(clock.seconds.values()) - busy
+    clock.seconds["update"] += time.perf_counter() - began - others
+
+
+def output(model: Model, results: Results, energy: Energy, error: float) -> None:
+    """Write one output: history, footprints, fields."""
+    state, scene = model.state, model.scene
+    history = {"t": state.t, **columns(energy, error)}
+    footprints = {}
+    for name, pair in model.pairs.items():
+        footprint = pair.footprint(stick_tolerance=scene.contacts[name].stick_tolerance)
+        footprints[name] = footprint
+        history |= {
+            f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
+        }
+    results.append(history, footprints)
+    v = state.v.x.array + model.dt / 2 * state.a.array
+    results.append_fields(state.t, state.u.x.array, v)
+
+
+def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
+    """Return the history columns of a contact pair."""
+    x, y, z = pair.tangential_force
+    return {
+        "normal_force": pair.normal_force,
+        "tangential_x_force": x,
+        "tangential_y_force": y,
+        "tangential_z_force": z,
+        "max_penetration": pair.max_penetration,
+        "area": float(np.sum(footprint.area)),
+        "patches": float(len(footprint.patches)),
+    }
+
+
+def summarise(
+    model: Model, energy: Energy | None, error: float, status: str, clock: Clock, wall: float
+) -> dict[str, Any]:
+    """Return the contents of ``summary.json``."""
+    mesh = model.domain.source
+    contacts = {}
+    for name, pair in model.pairs.items():
+        footprint = pair.footprint()
+        contacts[name] = {
+            "max_penetration": pair.max_penetration,
+            "normal_force": pair.normal_force,
+            "tangential_force": list(map(float, pair.tangential_force)),
+            "patches": len(footprint.patches),
+            "area": float(np.sum(footprint.area)),
+        }
+    stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
+    return {
+        "scene": model.scene.name,
+        "version": version("squealx"),
+        "status": status,
+        "cells": len(mesh.cells),
+        "nodes": len(mesh.points),
+        "dofs": 3 * len(mesh.points),
+        "ranks": model.domain.msh.comm.size,
+        "steps": model.state.step,
+        "time": model.state.t,
+        "dt": model.dt,
+        "dt_bound": model.dt_bound,
+        "wall_seconds": wall,
+        "seconds_per_phase": clock.seconds,
+        "element_updates_per_second": len(mesh.cells) * model.state.step / max(stepping, 1e-9),
+        "energy": columns(energy, error) if energy is not None else None,
+        "contacts": contacts,
+    }

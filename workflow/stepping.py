@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Explicit central difference: the step of every dynamic run.
+
+Conventions: ``u`` is at t, ``v`` at t − dt/2. When a state is yielded, ``a`` is the acceleration at
+t, so the velocity at t is ``v + dt/2 a``: the mean of the two half-step velocities.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import dolfinx
+
+Load = Callable[["State", dolfinx.la.Vector], None]
+
+
+@dataclass
+class State:
+    """Motion of all bodies; mutated by the stepping, copy what you keep.
+
+    Attributes:
+        u: Displacement at t [m].
+        v: Velocity at t − dt/2 [m/s] (at the start: at t).
+        a: Acceleration at t [m/s²]; the nodal force while the loads add to it [N].
+        t: Time [s].
+        step: Steps done.
+    """
+
+    u: dolfinx.fem.Function
+    v: dolfinx.fem.Function
+    a: dolfinx.la.Vector
+    t: float = 0.0
+    step: int = 0
+
+
+def central_difference(
+    state: State,
+    mass: PETSc.Vec,
+    loads: Iterable[Load],
+    hold: Callable[[dolfinx.la.Vector], None],
+    dt: float,
+    t_end: float,
+    drift: Callable[[float], None] | None = None,
+) -> Iterator[State]:
+    """Yield the state at every step from now to ``t_end``, forces and acceleration in place.
+
+    Args:
+        state: Start, with ``v`` at the same time as ``u``.
+        mass: Lumped mass of the owned dofs [kg].
+        loads: Callables that add their nodal forces.
+        hold: Removes the held components from an acceleration.
+        dt: Step [s].
+        t_end: Last time [s].
+        drift: Moves what is not in the mesh (point masses) by the same step.
+    """
+    u, v, a = state.u.x.petsc_vec, state.v.x.petsc_vec, state.a.petsc_vec
+    start = True
+    while True:
+        state.a.array[:] = 0.0
+        for add in loads:
+            add(state, state.a)
+        state.a.scatter_reverse(dolfinx.la.InsertMode.add)
+        a.pointwiseDivide(a, mass)
+        hold(state.a)
+        if start:
+            v.axpy(-dt / 2, a)  # from v at t to v at t - dt/2
+            start = False
+        yield state
+        if state.t > t_end - dt / 2:
+            return
+        v.axpy(dt, a)  # kick
+        u.axpy(dt, v)  # drift
+        if drift is not None:
+            drift(dt)
+        state.u.x.scatter_forward()
+        state.v.x.scatter_forward()
+        state.t += dt
+        state.step += 1
+
+
+def no_hold(a: Any) -> None:
+    """Hold nothing."""
