@@ -60,9 +60,9 @@ def run(
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
-        from workflow.results import claim
+        from workflow.results import check_free
 
-        claim(folder)
+        check_free(folder)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json))
     from mpi4py import MPI
 

@@ -127,8 +127,10 @@ def tangent(model: Model, stiffness: PETSc.Mat) -> PETSc.Mat:
     """Elastic stiffness plus the springs of contacts and connections [N/m]."""
     number = global_numbers(model)
     rows, columns, values = [], [], []
-    for pair in model.pairs.values() if model.domain.msh.comm.rank == 0 else ():
-        i, j, blocks = pair.tangent(model.state)
+    for pair in model.pairs.values():
+        i, j, blocks = pair.tangent(model.state)  # the same on all ranks
+        if model.domain.msh.comm.rank > 0:
+            continue
         r, c = np.broadcast_arrays(
             3 * number[i][:, None, None] + np.arange(3)[:, None],
             3 * number[j][:, None, None] + np.arange(3),

@@ -87,3 +87,46 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
     ahead = max(travel, 0.0) + max(lead, 0.0)
     behind = min(travel, 0.0) + min(lead, 0.0)
     return behind - mesh.margin, ahead + mesh.margin
+
+
+def check_profiles(scene: Scene) -> None:
+    """Read the profiles that a scene names, without meshing.
+
+    Raises:
+        SceneError: naming the key of a profile that is missing or cannot be used.
+    """
+    if isinstance(scene.mesh, WheelRailMesh):
+        profile("mesh.wheel_profile", scene.mesh.wheel_profile)
+        profile("mesh.rail_profile", scene.mesh.rail_profile)
+
+
+def profile(key: str, name: str) -> Any:
+    """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
+    from meshes import profiles
+
+    known = {"S1002": profiles.s1002, "54E1": profiles.rail_54e1}
+    if name in known:
+        return known[name]()
+    try:
+        return profiles.from_csv(name)
+    except (ValueError, OSError) as error:
+        expected = f"expected one of {', '.join(known)} or a CSV file"
+        raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
+
+
+def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
+    """Return wheelset and rail in the track position, the flange just short of the gauge corner."""
+    from meshes import placement
+
+    wheel, rail = (
+        profile(f"mesh.{part}_profile", getattr(mesh, f"{part}_profile"))
+        for part in ("wheel", "rail")
+    )
+    in_track = placement.rail_in_track(rail, inclination=mesh.inclination, gauge=mesh.gauge)
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    shift = placement.lateral_shift_for(
+        wheel, in_track, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
+    )
+    position = placement.place(wheel, in_track, radius=mesh.wheel_radius, shift=shift, yaw=yaw)
+    zone = rolling_zone(scene)
+    raise NotImplementedError

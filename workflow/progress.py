@@ -3,7 +3,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import rich.console
 import rich.progress as bar
@@ -18,23 +18,38 @@ class Progress:
     """Progress of one run on rank 0; silent elsewhere.
 
     Args:
-        path: The log file, ``None`` for none.
+        root: Whether this is rank 0.
         quiet: Nothing on the terminal.
     """
 
-    def __init__(self, path: Path | None, quiet: bool) -> None:
-        self.file = path.open("w", encoding="utf-8") if path else None
-        self.console = rich.console.Console(stderr=True, quiet=quiet)
+    def __init__(self, root: bool, quiet: bool) -> None:
+        self.root = root
+        self.lines: list[str] = []  # until there is a folder to write to
+        self.file: TextIO | None = None
+        self.console = rich.console.Console(stderr=True, quiet=quiet or not root)
         self.bar: bar.Progress | None = None
         self.shown = 0.0
         self.note = ""
 
     def log(self, line: str) -> None:
         """Print a line and keep it in the log."""
+        self.console.print(line, highlight=False)
+        self._keep(line)
+
+    def keep_in(self, path: Path) -> None:
+        """Write the log to ``path`` from now on, with what was said so far."""
+        if self.root:
+            self.file = path.open("w", encoding="utf-8")
+            self.file.writelines(self.lines)
+            self.lines.clear()
+
+    def _keep(self, line: str) -> None:
+        text = f"{time.strftime('%H:%M:%S')} {line}\n"
         if self.file:
-            self.file.write(f"{time.strftime('%H:%M:%S')} {line}\n")
+            self.file.write(text)
             self.file.flush()
-            self.console.print(line, highlight=False)
+        elif self.root:
+            self.lines.append(text)
 
     def start(self, steps: int, dt: float) -> None:
         """Begin the progress line of ``steps`` steps of ``dt`` seconds."""
@@ -77,10 +92,7 @@ class Progress:
         for name, pair in model.pairs.items():
             parts.append(f"{name} {pair.normal_force / 1e3:.1f} kN, {pair.active} nodes")
         self.note = "; ".join(parts)
-        if self.file:
-            line = f"t = {model.state.t * 1e3:.4f} ms, step {model.state.step}: {self.note}"
-            self.file.write(f"{time.strftime('%H:%M:%S')} {line}\n")
-            self.file.flush()
+        self._keep(f"t = {model.state.t * 1e3:.4f} ms, step {model.state.step}: {self.note}")
 
     def close(self, *_: Any) -> None:
         """End the line and the log."""

@@ -19,24 +19,18 @@ from workflow.scene import Scene, SceneError
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
 
 
-def claim(folder: str | Path) -> Path:
-    """Make the folder of a new run and return it.
+def check_free(folder: str | Path) -> Path:
+    """Return the folder of a new run without touching it.
 
     Raises:
-        SceneError: if it holds a run already or cannot be written.
+        SceneError: if it holds a run already or cannot be made or written.
     """
     path = Path(folder)
     if (path / "scene.toml").exists() or (path / "summary.json").exists():
         raise SceneError(f"out = {str(path)!r}: already holds a run; expected a new folder")
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        probe = path / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise SceneError(f"out = {str(path)!r}: not writable ({error.strerror})") from None
-    if not os.access(path, os.W_OK):
-        raise SceneError(f"out = {str(path)!r}: not writable")
+    there = next(p for p in (path, *path.absolute().parents) if p.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        raise SceneError(f"out = {str(path)!r}: expected a folder that can be written")
     return path
 
 
@@ -48,6 +42,7 @@ class Results:
         self.outputs = 0
         self.fields: FieldWriter | None = None
         if self.comm.rank == 0:
+            folder.mkdir(parents=True, exist_ok=True)
             (folder / "scene.toml").write_text(tomli_w.dumps(scene.tables()), "utf-8")
             with h5py.File(folder / "results.h5", "w", locking=False) as file:
                 file.attrs["scene"] = scene.name

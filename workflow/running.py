@@ -17,7 +17,7 @@ from workflow.clock import Clock
 from workflow.energy import Energy, Ledger, columns
 from workflow.model import Model, build
 from workflow.progress import Progress
-from workflow.results import Results, claim
+from workflow.results import Results, check_free
 from workflow.scene import Scene, SceneError
 from workflow.stepping import central_difference
 
@@ -65,11 +65,13 @@ def run(
         GuardError: the run was stopped; everything up to there is kept.
     """
     started = time.perf_counter()
-    folder = _claim(out, comm)
+    folder = checked(out, comm)
     clock = Clock()
-    progress = Progress(folder / "run.log" if comm.rank == 0 else None, quiet or comm.rank != 0)
+    progress = Progress(comm.rank == 0, quiet)
     model = build(scene, comm, progress.log, clock)
+    check_apart(model)
     results = Results(folder, scene, model.domain)
+    progress.keep_in(folder / "run.log")
     energy, error, status = None, 0.0, "done"
     try:
         with clock.phase("equilibrium"):
@@ -90,17 +92,31 @@ def run(
     return Result(folder, summary)
 
 
-def _claim(out: str | Path, comm: MPI.Comm) -> Path:
-    error, folder = None, Path(out)
+def checked(out: str | Path, comm: MPI.Comm) -> Path:
+    """Return the result folder if rank 0 finds it free; raise alike on all ranks if not."""
+    error = None
     if comm.rank == 0:
         try:
-            folder = claim(out)
+            check_free(out)
         except SceneError as caught:
             error = caught
     error = comm.bcast(error)
     if error is not None:
         raise error
-    return folder
+    return Path(out)
+
+
+def check_apart(model: Model) -> None:
+    """Refuse bodies that overlap by more than a hundredth of a cell before the run."""
+    limit = 0.01 * model.scene.mesh.size
+    for name, pair in model.pairs.items():
+        depth, node, place = pair.penetration(model.state)
+        if depth > limit:
+            x, y, z = place
+            raise SceneError(
+                f"contacts.{name}: bodies overlap at the start by {depth:.3e} m at node {node} "
+                f"(x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m); expected at most {limit:.1e} m"
+            )
 
 
 def start(model: Model, log: Callable[[str], Any]) -> None:
