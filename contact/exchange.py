@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Positions and velocities of the nodes of a contact pair, the same on every rank.
+
+Surfaces cross rank borders, so every rank holds the nodes of both. Between searches only the
+nodes near the patch are shared; every rank then computes the same contact from the same numbers
+and adds forces to the dofs that it owns.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from contact._kernel import lib
+from contact.arrays import view
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int32]
+
+
+class Exchange:
+    """Gathers the nodes of a pair, numbered contactor first.
+
+    Attributes:
+        xv: Current position and velocity, shape ``(n, 6)`` [m, m/s].
+        past: Positions at the last :meth:`mark`, shape ``(n, 3)`` [m].
+    """
+
+    def __init__(self, reference: Array, dofs: Index, comm: "MPI.Comm | None") -> None:
+        """Prepare for nodes at ``reference`` ``(n, 3)`` with owned ``dofs`` ``(n,)`` or -1."""
+        n = len(reference)
+        self.comm = comm if comm is not None and comm.size > 1 else None
+        self.xv = np.zeros((n, 6))
+        self.xv[:, :3] = reference
+        self.past = np.ascontiguousarray(reference, dtype=np.float64).copy()
+        self._dofs = np.ascontiguousarray(dofs, dtype=np.int32)
+        self._need = 3 * (int(self._dofs.max(initial=-1)) + 1)
+        self._owner = np.where(self._dofs >= 0, 0, -1)
+        if self.comm is not None:
+            from mpi4py import MPI
+
+            mine = np.where(self._dofs >= 0, self.comm.rank, -1)
+            self._owner = self.comm.allreduce(mine, op=MPI.MAX)
+        self._reference = np.ascontiguousarray(reference, dtype=np.float64).copy()
+        self._c = (
+            view("dofs", self._dofs, (n,), np.int32),
+            view("reference", self._reference, (n, 3)),
+        )
+        self._past = view("past", self.past, (n, 3))
+        self._xv = view("xv", self.xv, (n, 6), out=True)
+        self._all = self._plan(np.arange(n, dtype=np.int32))
+        self._near = self._plan(np.empty(0, dtype=np.int32))
+
+    def _plan(self, item: Index) -> tuple[Any, ...]:
+        """Return who sends what for these nodes: (own, its view, order, counts, buffer)."""
+        item = item[self._owner[item] >= 0]
+        own = np.ascontiguousarray(item[self._dofs[item] >= 0])
+        owner = self._owner[item]
+        order = item[np.argsort(owner, kind="stable")]
+        ranks = self.comm.size if self.comm is not None else 1
+        counts = 6 * np.bincount(owner, minlength=ranks)
+        return own, view("own", own, (-1,), np.int32), order, counts, np.empty((len(item), 6))
+
+    def _gather(self, plan: tuple[Any, ...], u: Array, v: Array) -> float:
+        own, c_own, order, counts, buffer = plan
+        if u.size < self._need or v.size != u.size:
+            raise ValueError(
+                f"state: expected u and v of at least {self._need} values, got {u.size}, {v.size}"
+            )
+        cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
+        moved = lib.wr_gather(len(own), c_own, *self._c, cu, cv, self._past, self._xv)
+        if self.comm is None:
+            return moved
+        self.comm.Allgatherv(self.xv[own], (buffer, counts))
+        self.xv[order] = buffer
+        step = buffer[:, :3] - self.past[order]
+        return float(np.sqrt(np.einsum("ia,ia->i", step, step).max(initial=0.0)))
+
+    def whole(self, u: Array, v: Array) -> float:
+        """Read all nodes; return the largest distance moved since :meth:`mark` [m]."""
+        return self._gather(self._all, u, v)
+
+    def update(self, u: Array, v: Array) -> float:
+        """Read the chosen nodes; return the largest distance they moved [m]."""
+        return self._gather(self._near, u, v)
+
+    def mark(self) -> None:
+        """Measure motion from the present positions."""
+        self.past[:] = self.xv[:, :3]
+
+    def choose(self, item: Index) -> None:
+        """Make :meth:`update` read these nodes only."""
+        self._near = self._plan(item)

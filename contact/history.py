@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a contact pair remembers of each contactor node from step to step."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from contact.arrays import view
+
+Array = npt.NDArray[np.float64]
+
+# lasting state, in the order of a checkpoint; the rest is found again each step
+_SAVED = (
+    "facet", "xi", "gap", "normal", "stiffness", "pressing", "drag", "traction", "slip",
+    "friction", "total",
+)  # fmt: skip
+
+
+class History:
+    """Arrays over the ``nc`` contactor nodes; what they hold is told in ``kernel.h``.
+
+    Attributes:
+        c: Their memory for the kernel, by name.
+    """
+
+    def __init__(self, nc: int) -> None:
+        self.facet = np.zeros(nc, dtype=np.int32)
+        self.xi = np.zeros((nc, 2))
+        self.gap = np.zeros(nc)
+        self.normal = np.zeros((nc, 3))
+        self.stiffness = np.zeros(nc)
+        self.pressing = np.zeros(nc)
+        self.drag = np.zeros(nc)
+        self.traction = np.zeros((nc, 3))
+        self.slip = np.zeros((nc, 3))
+        self.friction = np.zeros(nc)
+        self.touching = np.zeros(nc, dtype=np.int32)
+        self.total = np.zeros(12)
+        self.c: dict[str, Any] = {
+            name: view(name, a, a.shape, a.dtype, out=True) for name, a in vars(self).items()
+        }
+
+    def clear(self, nodes: npt.NDArray[np.int64] | slice = slice(None)) -> None:
+        """Forget the contact of ``nodes`` (all if left out)."""
+        for a in (self.stiffness, self.pressing, self.drag, self.traction, self.slip):
+            a[nodes] = 0.0
+
+    def saved(self) -> dict[str, npt.NDArray[Any]]:
+        """Return copies of the lasting arrays by name."""
+        return {name: getattr(self, name).copy() for name in _SAVED}
+
+    def load(self, memory: dict[str, npt.NDArray[Any]]) -> None:
+        """Take over what :meth:`saved` returned.
+
+        Raises:
+            ValueError: if an array is missing or has another shape.
+        """
+        for name in _SAVED:
+            mine = getattr(self, name)
+            if name not in memory or memory[name].shape != mine.shape:
+                got = memory[name].shape if name in memory else "nothing"
+                raise ValueError(f"contact memory {name}: expected {mine.shape}, got {got}")
+            mine[:] = memory[name]

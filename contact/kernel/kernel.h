@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: LGPL-3.0-or-later */
+/* Node-to-facet contact on flat arrays: declarations and comments only, cffi reads this file.
+ *
+ * The nodes of a pair are stacked, contactor first: 0 <= c < nc are contactor nodes and
+ * nc <= j < n target nodes. Arrays shared by several functions, all owned by the caller:
+ *
+ *   xv         [n][6]      current position and velocity                            m, m/s
+ *   mass       [n]         nodal mass, infinite for rigid nodes                     kg
+ *   area       [n]         tributary area on the undeformed surface                 m2
+ *   dof        [n]         dof block owned by this rank, -1: none
+ *   quad       [q][4]      target facets, counter-clockwise seen from outside
+ *   kind       [q]         bit e: edge e (node e to e + 1) is on the open border;
+ *                          bit 4: a neighbour meets it at a sharp angle
+ *   size       [q]         square root of the facet's area                          m
+ *   ring       [..]        target facets round node j: ring[around[j] .. around[j + 1])
+ *   around     [n + 1]
+ *   live       [q]         1 where all nodes of the facet are kept up to date
+ *   outward    [nc][3]     outward unit normal of the contactor
+ *   facet      [nc]        facet being tracked, -1: none
+ *   xi         [nc][2]     local coordinates of the closest point, in [-1, 1]
+ *   gap        [nc]        signed distance, negative = penetration                  m
+ *   normal     [nc][3]     outward unit normal of the target at the closest point
+ *   stiffness  [nc]        normal stiffness, 0: not in contact                      N/m
+ *   pressing   [nc]        normal force, >= 0                                       N
+ *   drag       [nc]        part of it that comes from damping                       N
+ *   traction   [nc][3]     tangential force on the contactor node                   N
+ *   slip       [nc][3]     tangential slip since the last step                      m
+ *   friction   [nc]        coefficient of friction
+ *   total      [12]        0 friction and 1 damping dissipation, accumulated [J]; then of this
+ *                          step: 2 normal and 3 tangential stored energy [J], 4 deepest
+ *                          penetration [m], 5 sum of normal forces [N], 6-8 resultant of the
+ *                          normal and 9-11 of the tangential forces on the contactor [N]
+ */
+
+/* Positions and velocities of nodes whose dofs this rank owns; others are left alone.
+ *   item  [k]       nodes to read
+ *   X     [n][3]    reference positions                                             m
+ *   u, v            displacement and velocity, flat, block size 3                   m, m/s
+ *   past  [n][3]    positions to measure motion from                                m
+ * Returns the largest distance moved from `past`. */
+double wr_gather(int64_t k, const int32_t *item, const int32_t *dof, const double *X,
+                 const double *u, const double *v, const double *past, double *xv);
+
+/* Sorts boxes into the cells of a grid: first call with entry NULL counts, second call fills.
+ *   box     [m][6]   low and high corner of each box                                m
+ *   grid    [4]      origin of the grid and edge of a cell                          m
+ *   dims    [3]      cells along each axis
+ *   cursor  [cells]  in/out: counts (first call), next free place (second call)
+ *   entry   [..]     out: box numbers, cell after cell
+ * Returns the number of entries. */
+int64_t wr_buckets(int64_t m, const double *box, const double *grid, const int64_t *dims,
+                   int64_t *cursor, int32_t *entry);
+
+/* Closest facet of each contactor node, out of those that share its grid cell.
+ *   item   [k]       contactor nodes inside the grid
+ *   pick   [m]       facet of each box, box [m][6] as above
+ *   start  [cells+1] first entry of each cell
+ *   above, below     a node counts within this distance outside / inside the target  m
+ *   hit    [k]  out  1 where the node counts
+ * Only facets whose normal opposes `outward` count. Nodes already in contact keep the facet that
+ * they track. Sets facet and xi of hits, and live round them. Returns the number of hits. */
+int64_t wr_search(int64_t k, const int32_t *item, const double *xv, const double *outward,
+                  const int32_t *quad, const int32_t *pick, const double *box,
+                  const double *grid, const int64_t *dims, const int64_t *start,
+                  const int32_t *entry, double above, double below, const double *stiffness,
+                  int32_t *facet, double *xi, uint8_t *hit, uint8_t *live);
+
+/* Follows the closest point of k candidates across neighbouring facets; a node beyond the open
+ * border gets an infinite gap. Returns the number of nodes with gap < 0. */
+int64_t wr_track(int64_t k, const int32_t *item, const double *xv, const int32_t *quad,
+                 const uint8_t *kind, const double *size, const int32_t *around,
+                 const int32_t *ring, const uint8_t *live, const double *outward,
+                 int32_t *facet, double *xi, double *gap, double *normal);
+
+/* Normal force, and the slip that friction acts on.
+ *   dt        time since the last step, 0 in statics                                s
+ *   per_mass  normal stiffness per effective mass                                   1/s2
+ *   lag       damping constant over stiffness                                       s
+ *   ratio     tangential over normal stiffness
+ *   touching  [nc] out: nodes with gap < 0
+ * Carries `traction` over into the present tangent plane. Returns the number of touching nodes. */
+int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double lag,
+                  double ratio, const double *xv, const double *mass, const double *area,
+                  const int32_t *quad, const int32_t *facet, const double *xi, const double *gap,
+                  double *normal, double *stiffness, double *pressing, double *drag,
+                  double *traction, double *slip, int32_t *touching, double *total);
+
+/* Coulomb return map, then adds the forces of both bodies to f (flat, block size 3) on owned dofs.
+ * Returns the number of sticking nodes. */
+int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const double *friction,
+                    const double *xv, const double *mass, const int32_t *dof,
+                    const int32_t *quad, const int32_t *facet, const double *xi,
+                    const double *gap, const double *normal, const double *stiffness,
+                    const double *pressing, const double *slip, double *traction, double *f,
+                    double *total);

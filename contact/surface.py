@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact surfaces as flat arrays; the only room of this package that knows DOLFINx domains."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from meshes.domain import Domain
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface of bilinear facets, whole on every rank.
+
+    Attributes:
+        name: Name for messages.
+        nodes: HexMesh node of each surface node, ascending, shape ``(n,)``; negative where the
+            node belongs to no mesh (rigid surfaces).
+        reference: Undeformed positions, shape ``(n, 3)`` [m].
+        facets: Facets as indices into ``nodes``, counter-clockwise from outside, ``(q, 4)``.
+        mass: Lumped mass of each node, infinite if rigid, shape ``(n,)`` [kg].
+        dofs: Dof block of each node if this rank owns it, else -1, shape ``(n,)``.
+    """
+
+    name: str
+    nodes: npt.NDArray[np.int64]
+    reference: Array
+    facets: npt.NDArray[np.int32]
+    mass: Array
+    dofs: npt.NDArray[np.int32]
+
+    @property
+    def rigid(self) -> bool:
+        """Whether no node of the surface can move."""
+        return bool(np.isinf(self.mass).all())
+
+
+def facet_areas(points: Array, facets: npt.NDArray[np.int32]) -> Array:
+    """Return the area vectors of quads, shape ``(q, 3)`` [m2]; exact for warped ones too."""
+    p = points[facets]
+    return 0.5 * np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+
+
+def corner_areas(points: Array, facets: npt.NDArray[np.int32]) -> Array:
+    """Return the share of each corner in its facet's area, shape ``(q, 4)`` [m2].
+
+    The share is the integral of the corner's shape function, by 2 x 2 Gauss points.
+    """
+    p = points[facets]
+    share = np.zeros(facets.shape)
+    g = 1.0 / np.sqrt(3.0)
+    for a in (-g, g):
+        for b in (-g, g):
+            shape = 0.25 * np.array(
+                [(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b), (1 - a) * (1 + b)]
+            )
+            da = 0.25 * np.array([b - 1, 1 - b, 1 + b, -1 - b])
+            db = 0.25 * np.array([a - 1, -1 - a, 1 + a, 1 - a])
+            normal = np.cross(np.einsum("i,qia->qa", da, p), np.einsum("i,qia->qa", db, p))
+            share += np.linalg.norm(normal, axis=1)[:, None] * shape
+    return share
+
+
+def tributary_area(surface: Surface) -> Array:
+    """Return the undeformed area that belongs to each node, shape ``(n,)`` [m2]."""
+    share = corner_areas(surface.reference, surface.facets)
+    return np.bincount(surface.facets.ravel(), weights=share.ravel(), minlength=len(surface.nodes))
+
+
+def _check(
+    name: str, nodes: npt.NDArray[np.int64], points: Array, facets: npt.NDArray[np.int32]
+) -> None:
+    """Raise ValueError if a facet is folded, has no area or repeats a node."""
+    p = points[facets]
+    area = facet_areas(points, facets)
+    longest = np.max(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), axis=1)
+    corner = np.cross(np.roll(p, -1, axis=1) - p, np.roll(p, 1, axis=1) - p)
+    folded = np.einsum("qia,qa->qi", corner, area).min(axis=1) < 0.0
+    bad = np.flatnonzero(folded | ~(np.linalg.norm(area, axis=1) > 1e-9 * longest**2))
+    if bad.size:
+        raise ValueError(
+            f"surface {name}: {bad.size} degenerate or folded facets, first one has nodes "
+            f"{nodes[facets[bad[0]]].tolist()}; expected convex quads with positive area"
+        )
+
+
+def surface(
+    domain: "Domain", tags: int | Iterable[int], mass: Array, *, name: str | None = None
+) -> Surface:
+    """Return the surface of a domain that carries any of ``tags``; collective.
+
+    Args:
+        domain: The distributed mesh.
+        tags: One surface tag or several.
+        mass: Lumped nodal mass in the order of ``domain.nodes``, shape ``(n_local,)`` [kg].
+            Values of ghosts are not read.
+        name: Name for messages; the tags if left out.
+
+    Raises:
+        ValueError: if no facet carries the tags, a facet is degenerate or a mass not positive.
+    """
+    wanted = [int(t) for t in tags] if isinstance(tags, Iterable) else [int(tags)]
+    name = "+".join(str(t) for t in wanted) if name is None else name
+    mesh = domain.source
+    quads = mesh.surface(*wanted)
+    if not len(quads):
+        known = sorted({int(t) for t in np.unique(mesh.surfaces)})
+        raise ValueError(f"surface {name}: no facets with tags {wanted}; the mesh has {known}")
+    if mass.shape != domain.nodes.shape:
+        raise ValueError(
+            f"mass: expected one value per local node {domain.nodes.shape}, got {mass.shape}"
+        )
+    nodes, facets = np.unique(quads, return_inverse=True)
+    local = facets.reshape(-1, 4).astype(np.int32)
+    points = np.ascontiguousarray(mesh.points[nodes], dtype=np.float64)
+    _check(name, nodes, points, local)
+    dofs = domain.local_dofs(nodes)
+    own = np.where(dofs >= 0, mass[np.maximum(dofs, 0)], 0.0)
+    comm = domain.msh.comm
+    everywhere = comm.allreduce(own) if comm.size > 1 else own
+    if not (everywhere > 0.0).all():
+        worst = int(np.argmin(everywhere))
+        raise ValueError(
+            f"surface {name}: expected positive nodal masses, got {everywhere[worst]:.3e} kg "
+            f"at node {nodes[worst]}"
+        )
+    return Surface(name, nodes, points, local, everywhere, dofs)
+
+
+def rigid_plane(
+    origin: Iterable[float], normal: Iterable[float], half_width: float, *, name: str = "plane"
+) -> Surface:
+    """Return a fixed square, solid on the side away from ``normal``.
+
+    Args:
+        origin: Centre of the square, shape ``(3,)`` [m].
+        normal: Outward normal, any length, shape ``(3,)``.
+        half_width: Half the edge [m].
+        name: Name for messages.
+    """
+    o, n = np.array([*origin], dtype=np.float64), np.array([*normal], dtype=np.float64)
+    length = float(np.linalg.norm(n))
+    if o.shape != (3,) or n.shape != (3,) or not length > 0.0 or not np.isfinite([*o, *n]).all():
+        raise ValueError(f"rigid plane: expected a point and a direction, got {o} and {n}")
+    if not (half_width > 0.0 and np.isfinite(half_width)):
+        raise ValueError(f"half_width: expected a positive length, got {half_width} m")
+    n /= length
+    a = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    a /= np.linalg.norm(a)
+    b = np.cross(n, a)
+    corners = o + half_width * np.array([-a - b, a - b, a + b, b - a])
+    return Surface(
+        name,
+        np.arange(-4, 0, dtype=np.int64),
+        corners,
+        np.array([[0, 1, 2, 3]], dtype=np.int32),
+        np.full(4, np.inf),
+        np.full(4, -1, dtype=np.int32),
+    )
