@@ -199,7 +199,8 @@ def pads(
 
 def pair(model: "Model", key: str, contact: Contact) -> Any:
     """Return the contact pair of a scene entry (the contact package is imported only here)."""
-    from contact import ContactPair, rigid_plane, surface
+    from contact.pair import ContactPair
+    from contact.surface import rigid_plane, surface
 
     domain = model.domain
     surface_nodes(domain, contact.contactor, f"contacts.{key}.contactor")

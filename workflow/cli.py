@@ -3,6 +3,7 @@
 
 import contextlib
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -13,7 +14,10 @@ from typing import Annotated, Any
 
 import typer
 
-from workflow.scene import Scene, SceneError, names
+# one thread per rank: the threads of BLAS would fight over the cores of the other ranks
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from workflow.scene import Scene, SceneError, names  # noqa: E402
 
 app = typer.Typer(
     help="Explicit finite elements for wheel-rail rolling contact. "
@@ -132,8 +136,6 @@ def load(scene: str, changes: list[str] | None) -> Scene:
 
 def in_mpi() -> bool:
     """Tell whether this process was started by mpiexec or srun."""
-    import os
-
     return any(k in os.environ for k in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
 
 
@@ -196,8 +198,6 @@ def main() -> None:
 
 def fail(code: int, message: str) -> None:
     """Print an error once (rank 0) and exit."""
-    import os
-
     rank = os.environ.get("PMI_RANK") or os.environ.get("OMPI_COMM_WORLD_RANK") or "0"
     if rank == "0":
         print(f"squealx: {message}", file=sys.stderr)

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Figures of a run, drawn from its result folder alone; what the run does not have is not drawn.
+
+Each public function draws one figure of a record and returns it, or None if there is nothing to
+draw. matplotlib and pyvista are imported only here and below, when a figure is made.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workflow import theme
+from workflow.figures_contact import cross_section, footprints, patch_forces
+from workflow.figures_history import energy, history
+from workflow.figures_model import model
+from workflow.recorded import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "cross_section",
+    "draw",
+    "energy",
+    "footprints",
+    "history",
+    "model",
+    "patch_forces",
+]
+
+FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
+    model,
+    footprints,
+    cross_section,
+    patch_forces,
+    energy,
+    history,
+)
+
+
+def draw(folder: str | Path) -> list[Path]:
+    """Draw all figures of a result folder into its ``figures/`` and return their paths."""
+    record, paths = Record(folder), []
+    with theme.style():
+        for figure in FIGURES:
+            fig = figure(record)
+            if fig is not None:
+                path = record.folder / "figures" / f"{figure.__name__}.png"
+                paths.append(theme.save(fig, path))
+    return paths
