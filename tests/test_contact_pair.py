@@ -95,7 +95,7 @@ def test_hand_numbers():
     lower = skin(3, 3, 0.03, 0.03, lambda x, y: 0 * x, up=True)
     upper = skin(1, 1, 0.01, 0.01, lambda x, y: 0.02 + 0 * x, up=False, origin=(0.015, 0.015),
                  dof=16, first=50)  # fmt: skip
-    X, state = stacked(lower, upper)
+    _, state = stacked(lower, upper)
     pair = ContactPair(upper, lower, dt=1e-6, penalty=0.25)
     u = state.u.x.array.reshape(-1, 3)
     u[16] = [0.0, 0.0, -0.02 - 1e-6]  # node at (0.015, 0.015), the centre of the middle facet
@@ -122,7 +122,7 @@ def plate_on_plane(friction, **options):
 
 
 def test_stick_spring_and_slip_dissipation():
-    """Pushed sideways by s: F_t = k_t s until friction * N; then friction * N * distance is lost."""
+    """Pushed sideways by s: F_t = k_t s up to friction * N; then friction * N * way is lost."""
     plate, pair, state = plate_on_plane(0.3, tangential=0.5)
     evaluate(pair, state)
     kn = 0.2 * plate.mass.sum() / 1e-12
