@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Figures of a hexahedral mesh: sizes, shapes, volume, mass."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.hexmesh import HexMesh, boundary
+from meshes.split import edges_of
+from meshes.tags import Tag
+
+Array = npt.NDArray[np.float64]
+
+# The three neighbours of each node of a hexahedron, right-handed.
+NEIGHBOURS = np.array(
+    [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
+)
+CORNERS = np.array(
+    [
+        [-1, -1, -1],
+        [1, -1, -1],
+        [1, 1, -1],
+        [-1, 1, -1],
+        [-1, -1, 1],
+        [1, -1, 1],
+        [1, 1, 1],
+        [-1, 1, 1],
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Figures of a mesh.
+
+    Attributes:
+        cells, nodes: Their numbers.
+        shortest, longest: Length of edges [m].
+        scaled_jacobian: Smallest determinant of unit edges at a node of a cell, 1 for a brick.
+        volume: Sum over the cells [m³].
+        enclosed: Volume within the outer surface [m³]; equal, unless cells overlap.
+        mass: Volume times density [kg].
+        regions: Number of cells of each region.
+    """
+
+    cells: int
+    nodes: int
+    shortest: float
+    longest: float
+    scaled_jacobian: float
+    volume: float
+    enclosed: float
+    mass: float
+    regions: dict[str, int]
+
+    @property
+    def report(self) -> str:
+        """The figures in words, one a line."""
+        lines = [
+            f"{self.cells} cells, {self.nodes} nodes",
+            f"edges {self.shortest * 1e3:.3f} to {self.longest * 1e3:.1f} mm",
+            f"smallest scaled Jacobian {self.scaled_jacobian:.3f}",
+            f"volume {self.volume:.6e} m³ (within the surface {self.enclosed:.6e} m³)",
+            f"mass {self.mass:.2f} kg",
+            *(f"{name.lower()}: {count} cells" for name, count in self.regions.items()),
+        ]
+        return "\n".join(lines)
+
+
+def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
+    """Return the figures of a mesh.
+
+    Args:
+        mesh: The mesh.
+        density: Density of all its regions [kg/m³].
+    """
+    edges, _ = edges_of(mesh.cells)
+    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
+    volume = float(volumes(mesh).sum())
+    tags, counts = np.unique(mesh.regions, return_counts=True)
+    return Quality(
+        cells=len(mesh.cells),
+        nodes=len(mesh.points),
+        shortest=float(length.min()),
+        longest=float(length.max()),
+        scaled_jacobian=float(scaled_jacobians(mesh).min()),
+        volume=volume,
+        enclosed=enclosed_volume(mesh),
+        mass=density * volume,
+        regions={Tag(tag).name: int(n) for tag, n in zip(tags, counts, strict=True)},
+    )
+
+
+def scaled_jacobians(mesh: HexMesh) -> Array:
+    """Return the smallest determinant of unit edges over the nodes of each cell, ``(c,)``."""
+    x = mesh.points[mesh.cells]
+    edges = x[:, NEIGHBOURS] - x[:, :, None]
+    edges /= np.linalg.norm(edges, axis=3, keepdims=True)
+    return np.asarray(np.linalg.det(edges).min(axis=1))
+
+
+def volumes(mesh: HexMesh) -> Array:
+    """Return the volume of each cell by 2 × 2 × 2 Gauss points, shape ``(c,)`` [m³]."""
+    x = mesh.points[mesh.cells]
+    total = np.zeros(len(x))
+    for xi in CORNERS / np.sqrt(3):
+        shape = 1 + CORNERS * xi
+        gradient = CORNERS * np.roll(shape, -1, axis=1) * np.roll(shape, -2, axis=1) / 8
+        total += np.linalg.det(np.einsum("cni,nk->cik", x, gradient))
+    return total
+
+
+def enclosed_volume(mesh: HexMesh) -> float:
+    """Return the volume within the outer surface by the divergence theorem [m³]."""
+    x = mesh.points[boundary(mesh.cells)]
+    total = 0.0
+    for u in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
+        for v in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
+            shape = np.array([(1 - u) * (1 - v), (1 + u) * (1 - v), (1 + u) * (1 + v)])
+            shape = np.append(shape, (1 - u) * (1 + v)) / 4
+            along = np.array([-(1 - v), 1 - v, 1 + v, -(1 + v)]) / 4
+            across = np.array([-(1 - u), -(1 + u), 1 + u, 1 - u]) / 4
+            at, a, b = (np.einsum("qni,n->qi", x, w) for w in (shape, along, across))
+            total += float(np.sum(at * np.cross(a, b))) / 3
+    return total
