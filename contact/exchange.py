@@ -42,8 +42,9 @@ class Exchange:
         if self.comm is not None:
             from mpi4py import MPI
 
-            mine = np.where(self._dofs >= 0, self.comm.rank, -1)
-            self._owner = self.comm.allreduce(mine, op=MPI.MAX)
+            owner = np.where(self._dofs >= 0, self.comm.rank, -1)
+            self.comm.Allreduce(MPI.IN_PLACE, owner, op=MPI.MAX)
+            self._owner = owner
         self._reference = np.ascontiguousarray(reference, dtype=np.float64).copy()
         self._c = (
             view("dofs", self._dofs, (n,), np.int32),

@@ -121,7 +121,8 @@ def surface(
     points = np.ascontiguousarray(mesh.points[nodes], dtype=np.float64)
     _check(name, nodes, points, local)
     dofs = domain.local_dofs(nodes)
-    own = np.where(dofs >= 0, mass[np.maximum(dofs, 0)], 0.0)
+    own = np.zeros(len(nodes))
+    own[dofs >= 0] = mass[dofs[dofs >= 0]]
     comm = domain.msh.comm
     everywhere = comm.allreduce(own) if comm.size > 1 else own
     if not (everywhere > 0.0).all():
