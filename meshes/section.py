@@ -131,7 +131,7 @@ def assembled(blocks: list[Array], profile: Profile, stations: Array) -> Section
     numbers = [
         inverse[a : a + m * n].reshape(m, n) for a, (m, n) in zip(start, shapes, strict=False)
     ]
-    quads = [_quads(number) for number in numbers]
+    quads = [numbered(number) for number in numbers]
     points = smoothed(raw[first], np.vstack(quads))
     s, d = np.full(len(points), np.nan), np.full(len(points), np.nan)
     band = numbers[0][::-1]
@@ -139,6 +139,12 @@ def assembled(blocks: list[Array], profile: Profile, stations: Array) -> Section
     d[band] = np.arange(len(band))[:, None]
     block = np.repeat(np.arange(len(quads)), [len(q) for q in quads])
     return Section(points, np.vstack(quads), block, s, d, Band(profile, stations, points[band]))
+
+
+def numbered(numbers: Index) -> Index:
+    """Return the quads of a block, given the numbers of its nodes row by row, shape ``(q, 4)``."""
+    quads = [numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]]
+    return np.stack([q.ravel() for q in quads], axis=1)
 
 
 def smoothed(points: Array, quads: Index) -> Array:
@@ -192,11 +198,6 @@ def _distortion(
         for k in range(2):
             gradient[:, k] += np.bincount(node, 2 * value * part[:, k], minlength=len(x))
     return float((value**2).sum()), gradient[free].ravel()
-
-
-def _quads(numbers: Index) -> Index:
-    quads = [numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]]
-    return np.stack([q.ravel() for q in quads], axis=1)
 
 
 def _share(first: Array, second: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 # Edges of each family, in cyclic order round the cell and all pointing the same way. The marked
 # family takes the part of the first axis, the cyclic order that of a quad in the other two.
@@ -52,13 +53,14 @@ def edges_of(cells: Index) -> tuple[Index, Index]:
     return pairs[first], inverse.reshape(-1, 3, 4)
 
 
-def trisect(points: Array, cells: Index, edges: Index, of_cell: Index, marked: Array) -> Cut:
+def trisect(points: Array, cells: Index, edges: Index, of_cell: Index, marked: Flags) -> Cut:
     """Cut the marked edges in three.
 
     Args:
         points: Node positions, shape ``(n, 3)``; they only set how deep transitions reach.
         cells: Nodes of each hexahedron, shape ``(c, 8)``.
-        edges, of_cell: From :func:`edges_of`.
+        edges: The edges, lower node first, shape ``(e, 2)``.
+        of_cell: Edges of each cell by family, shape ``(c, 3, 4)``.
         marked: Whether each edge shall be cut, shape ``(e,)``.
 
     Raises:
@@ -75,7 +77,7 @@ def trisect(points: Array, cells: Index, edges: Index, of_cell: Index, marked: A
     ends = cells[np.arange(len(cells))[:, None, None], FAMILIES[family[:, None], order]]
     new = _Nodes(points, len(points))
     groups = {n: np.flatnonzero(count == n) for n in (0, 1, 2, 4)}
-    new.add_edges(edges[marked.astype(bool)])
+    new.add_edges(edges[marked])
     new.add_faces(ends, groups[1], groups[2])
     made = [
         cells[groups[0]][:, None],
@@ -90,9 +92,9 @@ def trisect(points: Array, cells: Index, edges: Index, of_cell: Index, marked: A
     return Cut(result[by_parent], np.concatenate(parents)[by_parent], sources, weights)
 
 
-def closure(of_cell: Index, marked: Array) -> npt.NDArray[np.bool_]:
+def closure(of_cell: Index, marked: Flags) -> Flags:
     """Return ``marked`` with patterns that no template fits promoted to all four edges."""
-    marked = np.asarray(marked, dtype=bool).copy()
+    marked = marked.copy()
     while True:
         hit = marked[of_cell]
         count = hit.sum(axis=2)

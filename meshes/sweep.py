@@ -107,7 +107,7 @@ def extrude(section: Section, stations: Array) -> Swept:
 
 
 def revolve(section: Section, sectors: int) -> Swept:
-    """Return a section (z < 0) swept round the y axis; x is the angle, 0 at the bottom [rad]."""
+    """Return a section (y, r) swept round the y axis; x is the angle, 0 at the bottom [rad]."""
     return _swept(section, 2 * np.pi * np.arange(sectors) / sectors, 2 * np.pi)
 
 
@@ -214,6 +214,8 @@ def _swept(section: Section, stations: Array, period: float) -> Swept:
     layers = len(stations) if closed else len(stations) - 1
     start = n * np.arange(layers)[:, None, None]
     end = n * ((np.arange(layers) + 1) % len(stations))[:, None, None]
+    if closed:  # (y, r, angle) is left-handed
+        start, end = end, start
     cells = np.concatenate([section.quads + start, section.quads + end], axis=2).reshape(-1, 8)
     plane = np.column_stack([section.points, np.zeros(n), section.s, section.d])
     params = np.tile(plane, (len(stations), 1))

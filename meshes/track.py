@@ -10,7 +10,6 @@ from meshes.profiles import inclined, rail_54e1
 from meshes.section import Section, assembled, coons, divided, spaced, straight
 from meshes.sweep import (
     D,
-    S,
     Swept,
     X,
     Z,

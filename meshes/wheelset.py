@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Half a wheelset as hexahedra: S1002 rim, curved web, hub and a solid half axle.
+
+The section is drawn with y along the axle from the tape circle and the radius r outward (in the
+place of z); the sweep coordinate is the angle from the bottom. Hub and axle share their nodes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.hexmesh import HexMesh, boundary
+from meshes.placement import RADIUS, TAPE
+from meshes.profiles import MM, Profile, drawing, s1002, shifted
+from meshes.section import Section, assembled, coons, numbered, spaced, straight
+from meshes.sweep import D, X, Swept, Y, Z, Zone, columns_for, cut, levels_for, refine, revolve
+from meshes.tags import Tag
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+WEB_COLUMNS = 4
+WEB_ROWS = 8
+HUB_ROWS = 3
+RIM_ROWS = 5
+WEB_SPLIT = 0.160  # radius outside of which there are three times as many sectors
+COARSEST = 0.014
+FIELD = 0.008  # the fine part of the tread ends this far on the field side of the tape circle
+AXLE_SPACING = 0.035
+AXLE_BLOCK = 5
+REGIONS = (Tag.TYRE, Tag.WEB, Tag.HUB, Tag.HUB, Tag.HUB, Tag.AXLE)
+
+
+@dataclass(frozen=True)
+class Axle:
+    """Measures of the half axle; lateral positions in the global frame [m].
+
+    Attributes:
+        inner: Inner end, the track centre.
+        outer: Outer end, behind the journal.
+        body: Radius between the wheels.
+        journal: Radius outside the wheel.
+        taper: Length over which the radius changes beside the hub.
+    """
+
+    inner: float = 0.0
+    outer: float = 1.1
+    body: float = 0.080
+    journal: float = 0.065
+    taper: float = 0.040
+
+
+def wheelset(
+    *,
+    size: float = 4e-3,
+    zone: tuple[float, float] = (-0.1, 0.1),
+    design: str = "D_curved_web",
+    radius: float = RADIUS,
+    tape: float = TAPE,
+    axle: Axle | None = None,
+) -> HexMesh:
+    """Return half a wheelset in wheel axes, its tape circle centred at (0, tape, 0).
+
+    The axle lies along y; the wheel is fine round its bottom, at z = -radius. The tread tag covers
+    the profile from the flange tip to the chamfer.
+
+    Args:
+        size: Length of edges on the running surface of the zone [m].
+        zone: Arc about the bottom that is fine, positive towards +x [m].
+        design: Wheel of ``wheel_ns_intercity.json``.
+        radius: Radius of the tape circle [m].
+        tape: Lateral position of the tape circle [m].
+        axle: Measures of the axle.
+
+    Raises:
+        ValueError: if the size, zone or design is out of range.
+    """
+    axle = Axle() if axle is None else axle
+    levels = levels_for(size)
+    sectors, extra = sectors_for(size, radius, levels)
+    section, first, last = wheel_section(size, levels, design, radius)
+    bore = float(section.points[:, 1].min())
+    sweep = revolve(section, sectors)
+    swept = _with_axle(sweep, axle, bore, tape)
+    swept = cut(swept, X, {"z": (WEB_SPLIT, np.inf)}, section.band, _space)
+    angle = 2 * np.pi / sectors / 3 ** (1 + extra)
+    bottom = (zone[0] / radius, zone[1] / radius)
+    fine = Zone(levels, section.band.stations, first, last, *bottom, angle, size)
+    if fine.along(1, 6)[1] - fine.along(1, 6)[0] > 2 * np.pi:
+        raise ValueError(f"zone: expected less than the circumference, got {zone} m")
+    if extra:
+        box = {"d": (0.0, 3.0), "x": fine.along(1, 6)}
+        swept = cut(swept, X, box, section.band, _space)
+    swept = refine(swept, fine, section.band, _space)
+    return _tagged(swept, axle, tape)
+
+
+def sectors_for(size: float, radius: float, levels: int) -> tuple[int, int]:
+    """Return the sectors of the hub and how often the rim is cut before the zone's refinements.
+
+    The sectors, a multiple of four, are cut in three in the web, again at the rim if need be, and
+    at each level of the zone; the arcs at the rim are then near ``size``.
+    """
+    around = 2 * np.pi * radius / size / 3 ** (levels + 1)
+    extra = 1 if around > 48 else 0
+    return int(np.clip(4 * round(around / 3**extra / 4), 20, 48)), extra
+
+
+def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple[Section, int, int]:
+    """Return the section of rim, web and hub, and the columns that the zone refines.
+
+    Args:
+        size: Length of edges after refinement [m].
+        levels: Number of 3:1 refinements.
+        design: Name of the wheel.
+        radius: Radius of the tape circle [m].
+    """
+    designs = drawing("wheel_ns_intercity")["candidates"]
+    if design not in designs:
+        raise ValueError(f"design: expected one of {', '.join(designs)}, got {design!r}")
+    wheel = {key: np.array(value) * MM for key, value in designs[design].items()}
+    profile = shifted(s1002(), [0.0, radius])
+    stations, first, last = _stations(profile, size, levels)
+    web = _web(wheel)
+    row = min(COARSEST, size * 3**levels)
+    rim = _rim(profile, stations, web, float(wheel["rim_ir"]), row)
+    return assembled([rim, web, *_hub(wheel, web)], profile, stations), first, last
+
+
+def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, int]:
+    """Return the columns of the running surface and between which of them the zone is fine."""
+    joints = profile.joints
+    tip = float(joints[1] + 0.55 * (joints[2] - joints[1]))
+    flank = joints[3] - 3e-3
+    inner = float(np.interp(FIELD, profile.points[:, 0], profile.s))
+    pieces = [
+        (tip, flank, 2),
+        (flank, joints[4], columns_for(joints[4] - flank, size, levels)),
+        (joints[4], joints[6], columns_for(joints[6] - joints[4], size, levels, curved=True)),
+        (joints[6], inner, round((inner - joints[6]) / min(COARSEST, size * 3**levels))),
+        (inner, joints[8], 4),
+        (joints[8], joints[9], 1),
+    ]
+    stations = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in pieces])
+    return np.append(stations, joints[9]), 2, sum(n for _, _, n in pieces[:4])
+
+
+def _rim(profile: Profile, stations: Array, web: Array, inside: float, row: float) -> Array:
+    """Return the block between running surface, rim faces, rim underside and web."""
+    columns = len(stations) - 1 - WEB_COLUMNS
+    back = profile.at(np.linspace(0.0, stations[0], 60))
+    end = profile.at(stations[-1])
+    left = np.vstack([[back[0, 0], inside], back])
+    right = np.array([[end[0], inside], end])
+    under = [web[-1, 0], web[-1, -1]]
+    left_under = _filleted(left[0], under[0], columns // 2)
+    right_under = _filleted(right[0], under[1], columns - columns // 2)[::-1]
+    bottom = np.vstack([left_under, web[-1, 1:-1], right_under])
+    sides = [spaced(edge, 1 - _rows(edge, k * row)) for edge, k in ((left, 1.3), (right, 1.0))]
+    return coons(bottom, sides[1], profile.at(stations), sides[0])
+
+
+def _rows(edge: Array, first: float) -> Array:
+    """Return the depths of the rim's rows on a side face as shares of its length, descending."""
+    length = np.hypot(*np.diff(edge, axis=0).T).sum()
+    depth = np.concatenate([[0.0], np.linspace(first, length, RIM_ROWS)])
+    return np.asarray(depth[::-1] / length)
+
+
+def _web(wheel: dict[str, Array]) -> Array:
+    """Return the block of the web, from the middle of the hub fillets to that of the rim's."""
+    reach = 1 - np.sqrt(0.5)
+    low, high = wheel["hub_or"], wheel["rim_ir"]
+    r = np.linspace(low + reach * wheel["fil_hub"], high - reach * wheel["fil_rim"], WEB_ROWS + 1)
+    share = (r - low) / (high - low)
+    centre = wheel["xw_hub"] + (wheel["xw_rim"] - wheel["xw_hub"]) * share
+    centre = centre + wheel.get("bow", np.array(0.0)) * np.sin(np.pi * share)
+    half = (wheel["t_hub"] + (wheel["t_rim"] - wheel["t_hub"]) * share) / 2
+    half = half + _widening(r - low, wheel["fil_hub"]) + _widening(high - r, wheel["fil_rim"])
+    across = np.linspace(-1, 1, WEB_COLUMNS + 1)
+    y = centre[:, None] + half[:, None] * across
+    return np.stack([y, np.repeat(r[:, None], WEB_COLUMNS + 1, axis=1)], axis=2)
+
+
+def _widening(distance: Array, fillet: Array) -> Array:
+    """Return how far a fillet stands off the web at some distance from the flat it runs into."""
+    inside = np.clip(fillet - distance, 0, None)
+    return np.asarray(fillet - np.sqrt(fillet**2 - inside**2))
+
+
+def _filleted(corner: Array, web: Array, cells: int) -> Array:
+    """Return points from the corner of rim or hub along its flat and half a fillet to the web."""
+    offset = abs(web[1] - corner[1])
+    fillet = offset / (1 - np.sqrt(0.5))
+    side = np.sign(web - corner)
+    angle = np.linspace(0, np.pi / 4, 20)[:, None]
+    turn = np.hstack([np.sin(angle), 1 - np.cos(angle)]) * fillet * side
+    start = web - turn[-1]
+    return spaced(np.vstack([corner, start + turn]), np.linspace(0, 1, cells + 1))
+
+
+def _hub(wheel: dict[str, Array], web: Array) -> list[Array]:
+    """Return the blocks of the hub: below the web, towards the track centre, to the field side."""
+    bore, top = float(wheel["bore"]), float(wheel["hub_or"])
+    faces = wheel["hub_x"]
+    ends = web[0, 0], web[0, -1]
+    feet = [np.array([0.9 * end[0] + 0.1 * web[0, :, 0].mean(), bore]) for end in ends]
+    inner = [straight(foot, end, HUB_ROWS) for foot, end in zip(feet, ends, strict=True)]
+    blocks = [coons(straight(*feet, WEB_COLUMNS), inner[1], web[0], inner[0])]
+    for side in range(2):
+        columns = max(2, round(abs(faces[side] - feet[side][0]) / 0.020))
+        face = straight([faces[side], bore], [faces[side], top], HUB_ROWS)
+        over = _filleted(face[-1], ends[side], columns)
+        below = straight(face[0], feet[side], columns)
+        if side == 0:
+            blocks.append(coons(below, inner[0], over, face))
+        else:
+            blocks.append(coons(below[::-1], face, over[::-1], inner[1]))
+    return blocks
+
+
+def _with_axle(wheel: Swept, axle: Axle, bore: float, tape: float) -> Swept:
+    """Return the wheel with the axle in its bore; they share the nodes of the seat."""
+    on_bore = np.flatnonzero(wheel.params[:, Z] < bore + 1e-9)
+    sectors = int(np.sum(wheel.params[on_bore, Y] == wheel.params[on_bore[0], Y]))
+    seat = on_bore.reshape(sectors, -1)
+    seat = seat[:, np.argsort(wheel.params[seat[0], Y])]
+    y, radii, first = _axle_stations(wheel.params[seat[0], Y], axle, bore, tape)
+    disc, quads, rim = _disc(sectors)
+    r, angle = np.hypot(*disc.T), np.arctan2(disc[:, 0], -disc[:, 1])
+    n = len(disc)
+    params = np.full((len(y) * n, 5), np.nan)
+    params[:, Y] = np.repeat(y, n)
+    params[:, Z] = np.outer(radii, r).ravel()
+    params[:, X] = np.tile(angle, len(y))
+    start = n * np.arange(len(y) - 1)[:, None, None]
+    cells = np.concatenate([quads + start + n, quads + start], axis=2).reshape(-1, 8)
+    number = len(wheel.params) + np.arange(len(params))
+    for k in range(seat.shape[1]):
+        number[(first + k) * n + rim] = seat[:, k]
+    kept, inverse = np.unique(
+        np.concatenate([np.arange(len(wheel.params)), number]), return_inverse=True
+    )
+    cells = np.vstack([wheel.cells, inverse[len(wheel.params) + cells]])
+    blocks = np.concatenate([wheel.blocks, np.full(len(cells) - len(wheel.blocks), AXLE_BLOCK)])
+    return Swept(np.vstack([wheel.params, params])[kept], cells, blocks, wheel.period)
+
+
+def _axle_stations(seat: Array, axle: Axle, bore: float, tape: float) -> tuple[Array, Array, int]:
+    """Return lateral stations of the axle, the radius at each, and the first one of the seat."""
+    start, end = axle.inner - tape, axle.outer - tape
+    low, high = seat[0] - axle.taper, seat[-1] + axle.taper
+    if not (start < low and high < end):
+        raise ValueError(
+            f"axle: expected ends beyond {low + tape:.3f} and {high + tape:.3f} m, got "
+            f"{axle.inner} and {axle.outer} m"
+        )
+    inside = np.linspace(start, low, round((low - start) / AXLE_SPACING) + 1)
+    outside = np.linspace(high, end, round((end - high) / AXLE_SPACING) + 1)
+    middle = [(low + seat[0]) / 2], seat, [(high + seat[-1]) / 2]
+    y = np.concatenate([inside, *middle, outside])
+    radii = np.interp(y, [low, seat[0], seat[-1], high], [axle.body, bore, bore, axle.journal])
+    return y, radii, len(inside) + 1
+
+
+def _disc(sectors: int, rings: int = 2, core: float = 0.58) -> tuple[Array, Index, Index]:
+    """Return an O-grid of the unit disc (x, z): nodes, quads, and the rim's nodes by angle.
+
+    The rim's first node is at the bottom, the others follow towards +x.
+    """
+    side = sectors // 4
+    angle = 2 * np.pi * np.arange(sectors + 1) / sectors
+    circle = np.column_stack([np.sin(angle), -np.cos(angle)])
+    share = np.linspace(0, 1, side + 1)[:-1, None]
+    corner = circle[::side]
+    square = np.vstack([(1 - share) * corner[k] + share * corner[k + 1] for k in range(4)])
+    edge = core * (0.6 * np.vstack([square, square[:1]]) + 0.4 * circle)
+    a, b, c, d = (edge[k * side : (k + 1) * side + 1] for k in range(4))
+    inside = coons(a, b, c[::-1], d[::-1])
+    layers = [(1 - t) * edge + t * circle for t in np.linspace(0, 1, rings + 1)]
+    blocks = [inside, np.stack(layers[::-1])]
+    raw = np.vstack([block.reshape(-1, 2) for block in blocks])
+    _, first, inverse = np.unique(
+        np.round(raw / 1e-8).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    core_numbers = inverse[: (side + 1) ** 2].reshape(side + 1, side + 1)
+    ring_numbers = inverse[(side + 1) ** 2 :].reshape(rings + 1, sectors + 1)
+    quads = np.vstack([numbered(core_numbers), numbered(ring_numbers)])
+    return raw[first], quads, ring_numbers[0, :-1]
+
+
+def _space(params: Array) -> Array:
+    y, r, angle = params[:, Y], params[:, Z], params[:, X]
+    return np.column_stack([r * np.sin(angle), y, -r * np.cos(angle)])
+
+
+def _tagged(swept: Swept, axle: Axle, tape: float) -> HexMesh:
+    facets = boundary(swept.cells)
+    at = swept.params[facets]
+    y, r = at[:, :, Y], at[:, :, Z]
+    surfaces = np.zeros(len(facets), dtype=np.int32)
+    surfaces[(at[:, :, D] == 0).all(axis=1)] = Tag.TREAD
+    journal = (np.abs(r - axle.journal) < 1e-9) & (y > 0)
+    surfaces[journal.all(axis=1)] = Tag.JOURNAL
+    surfaces[(np.abs(y - axle.inner + tape) < 1e-9).all(axis=1)] = Tag.AXLE_INNER
+    surfaces[(np.abs(y - axle.outer + tape) < 1e-9).all(axis=1)] = Tag.AXLE_OUTER
+    tagged = surfaces > 0
+    points = _space(swept.params) + np.array([0.0, tape, 0.0])
+    regions = np.array(REGIONS, dtype=np.int32)[swept.blocks]
+    return HexMesh(points, swept.cells, regions, facets[tagged], surfaces[tagged])
