@@ -17,7 +17,7 @@ import typer
 # one thread per rank: the threads of BLAS would fight over the cores of the other ranks
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from workflow.scene import Scene, SceneError, names  # noqa: E402
+from workflow.scene import Scene, SceneError, names
 
 app = typer.Typer(
     help="Explicit finite elements for wheel-rail rolling contact. "
@@ -176,19 +176,10 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
 def main() -> None:
     """Run the command line; bad input exits with 2, a run stopped by a guard with 3."""
     try:
-        app(standalone_mode=False)
+        app()
     except SceneError as error:
         fail(2, str(error))
-    except typer.Abort:
-        sys.exit(130)
-    except Exception as error:
-        import click
-
-        if isinstance(error, click.ClickException):
-            error.show()
-            sys.exit(2)
-        if isinstance(error, click.exceptions.Exit):
-            sys.exit(error.exit_code)
+    except RuntimeError as error:
         from workflow.guards import GuardError
 
         if isinstance(error, GuardError):
