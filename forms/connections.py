@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 
 @dataclass
@@ -35,30 +36,33 @@ class PointMasses:
     v: Array = field(init=False)
     force: Array = field(init=False)
     dissipation: float = 0.0
+    _damping: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.u = np.zeros((len(self.mass), 3))
         self.v = np.zeros_like(self.u)
         self.force = np.zeros_like(self.u)
+        self._damping = np.zeros_like(self.u)
 
     def base_force(self) -> Array:
         """Weight and force of the springs and dampers to the ground, shape ``(m, 3)`` [N]."""
-        return (
-            self.mass[:, None] * self.gravity
-            - self.base_stiffness * self.u
-            - self.base_damping * self.v
-        )
+        self._damping = self.base_damping * self.v
+        return self.mass[:, None] * self.gravity - self.base_stiffness * self.u - self._damping
 
     @property
     def acceleration(self) -> Array:
         """Acceleration under the force of this step, shape ``(m, 3)`` [m/s²]."""
         return self.free * self.force / self.mass[:, None]
 
+    def back(self, dt: float) -> None:
+        """Take the velocity back by ``dt`` [s]: at the start it is given at t, not t − dt/2."""
+        self.v -= dt * self.acceleration
+
     def step(self, dt: float) -> None:
         """Kick and drift over ``dt`` [s]."""
-        self.dissipation += dt * float((self.base_damping * self.v**2).sum())
         self.v += dt * self.acceleration
         self.u += dt * self.v
+        self.dissipation += damper_work(self._damping, self.base_damping * self.v, self.v, dt)
 
     def stored_energy(self) -> float:
         """Energy of the springs to the ground less the work of gravity [J]."""
@@ -71,6 +75,21 @@ class PointMasses:
         """Kinetic energy ``m v₋ · v₊ / 2`` of the two half-step velocities [J]."""
         after = self.v + dt * self.acceleration
         return float((self.mass[:, None] * self.v * after).sum() / 2)
+
+
+def damper_work(before: Array, force: Array, rate: Array, dt: float) -> float:
+    """Energy taken by dampers over a step [J].
+
+    Half the forces at its two ends times the way ``dt · rate`` between them: counted like this, the
+    ledger of a linear problem closes to round-off.
+
+    Args:
+        before: Damper force at the start of the step [N].
+        force: Damper force at its end, that of ``rate`` [N].
+        rate: Velocity in the middle of the step [m/s].
+        dt: Step [s].
+    """
+    return dt * float(((before + force) * rate).sum()) / 2
 
 
 @dataclass
@@ -90,6 +109,7 @@ class Spread:
     damping: Array
     masses: PointMasses
     dissipation: float = 0.0
+    _damping: Array | None = field(default=None, repr=False)
 
     def stretch(self, u: Array, q: Array) -> Array:
         """Node value less that of its point mass, shape ``(n, 3)``."""
@@ -101,11 +121,14 @@ class Spread:
     def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
         """Add to the nodal ``force`` and to this rank's share of the ``reaction`` on the masses."""
         rate = self.stretch(v, self.masses.v)
-        f = -self.stiffness * self.stretch(u, self.masses.u) - self.damping * rate
+        damping = self.damping * rate
+        f = -self.stiffness * self.stretch(u, self.masses.u) - damping
         np.add.at(force.reshape(-1, 3), self.dofs, f)
         tied = self.point >= 0
         np.add.at(reaction, self.point[tied], -f[tied])
-        self.dissipation += dt * float((self.damping * rate**2).sum())
+        if self._damping is not None:
+            self.dissipation += damper_work(self._damping, damping, rate, dt)
+        self._damping = damping
 
     def pull(self, u: Array, out: Array) -> None:
         """Add the pull of the nodes on the masses at rest at zero, this rank's share [N]."""
@@ -117,9 +140,9 @@ class Spread:
         tied = self.point >= 0
         np.add.at(out, self.point[tied], self.stiffness[tied])
 
-    def share(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def share(self, number: Ints) -> tuple[Ints, Ints, Array]:
         """This rank's nodes (global), their masses and spring stiffness ``(n, 3)``."""
-        return number[self.dofs], self.point, self.stiffness
+        return number[self.dofs], self.point.astype(np.int64), self.stiffness
 
     def stored_energy(self, u: Array) -> float:
         """This rank's share of the spring energy [J]."""
@@ -147,6 +170,7 @@ class Mean:
     damping: Array
     masses: PointMasses
     dissipation: float = 0.0
+    _damping: Array | None = field(default=None, repr=False)
 
     def stretch(self, u: Array, q: Array) -> Array:
         """Mean node value less that of the point mass, shape ``(3,)``, alike on all ranks."""
@@ -158,12 +182,15 @@ class Mean:
     def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
         """Add to the nodal ``force`` and, on rank 0, to the ``reaction`` on the masses."""
         rate = self.stretch(v, self.masses.v)
-        f = -self.stiffness * self.stretch(u, self.masses.u) - self.damping * rate
+        damping = self.damping * rate
+        f = -self.stiffness * self.stretch(u, self.masses.u) - damping
         np.add.at(force.reshape(-1, 3), self.dofs, self.weight[:, None] * f)
         if self.comm.rank == 0:
             if self.point >= 0:
                 reaction[self.point] -= f
-            self.dissipation += dt * float((self.damping * rate**2).sum())
+            if self._damping is not None:
+                self.dissipation += damper_work(self._damping, damping, rate, dt)
+            self._damping = damping
 
     def pull(self, u: Array, out: Array) -> None:
         """Add the pull of the mean on the mass at rest at zero, all on rank 0 [N]."""
@@ -176,9 +203,9 @@ class Mean:
         if self.comm.rank == 0 and self.point >= 0:
             out[self.point] += self.stiffness
 
-    def share(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def share(self, number: Ints) -> tuple[Ints, Ints, Array]:
         """This rank's nodes (global), their mass and weighted stiffness ``(n, 3)``."""
-        point = np.full(len(self.dofs), self.point, dtype=np.int32)
+        point = np.full(len(self.dofs), self.point, dtype=np.int64)
         return number[self.dofs], point, np.outer(self.weight, self.stiffness)
 
     def stored_energy(self, u: Array) -> float:
@@ -199,8 +226,9 @@ class Connections:
     def add(self, state: Any, force: Any) -> None:
         """Add the forces on the nodes and collect those on the point masses."""
         reaction = np.zeros_like(self.masses.u)
+        dt = self.dt if state.step > 0 else 0.0  # nothing has moved yet
         for link in self.links:
-            link.add(state.u.x.array, state.v.x.array, force.array, reaction, self.dt)
+            link.add(state.u.x.array, state.v.x.array, force.array, reaction, dt)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, reaction)
         self.masses.force[:] = reaction + self.masses.base_force()
@@ -236,7 +264,7 @@ class Connections:
             self.comm.Allreduce(MPI.IN_PLACE, total)
         return np.asarray(total + self.masses.base_stiffness)
 
-    def stiffness(self, number: npt.NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def stiffness(self, number: Ints) -> tuple[Ints, Ints, Array]:
         """Stiffness on the nodes with the point masses condensed out, as triplets on rank 0.
 
         A mass between the springs ``k_i`` to the nodes and the rest of its springs leaves
@@ -249,26 +277,35 @@ class Connections:
             Global scalar rows, columns and values [N/m].
         """
         total = self.point_stiffness()
-        triplets = [(np.zeros(0), np.zeros(0), np.zeros(0))]
+        none = np.zeros(0, dtype=np.int64)
+        triplets = [(none, none, np.zeros(0))]
+        springs = []
         for link in self.links:
             parts = self.comm.gather(link.share(number))
             if parts is not None:
                 node, point, k = (np.concatenate(x) for x in zip(*parts, strict=True))
-                triplets += self._condensed(node, point, k, isinstance(link, Mean), total)
+                dof = 3 * node[:, None] + np.arange(3)
+                springs.append((dof, point, k))
+                triplets += _held(dof, k, isinstance(link, Mean))
+        if springs:
+            dof, point, k = (np.concatenate(x) for x in zip(*springs, strict=True))
+            for m, axis in np.argwhere((self.masses.free > 0) & (total > 0)):
+                mine = point == m
+                b = k[mine, axis]
+                triplets.append(_dense(dof[mine, axis], -np.outer(b, b) / total[m, axis]))
         rows, columns, values = (np.concatenate(x) for x in zip(*triplets, strict=True))
         return rows, columns, values
 
-    def _condensed(
-        self, node: Array, point: Array, k: Array, mean: bool, total: Array
-    ) -> Iterator[tuple[Array, Array, Array]]:
-        for m in np.unique(point):
-            mine = np.flatnonzero(point == m)
-            for axis in range(3):
-                b = k[mine, axis]
-                if not b.any():
-                    continue
-                block = np.outer(b, b) / b.sum() if mean else np.diag(b)
-                if m >= 0 and self.masses.free[m, axis] > 0:
-                    block = block - np.outer(b, b) / total[m, axis]
-                dof = 3 * node[mine] + axis
-                yield np.repeat(dof, len(dof)), np.tile(dof, len(dof)), block.ravel()
+
+def _held(dof: Ints, k: Array, mean: bool) -> Iterator[tuple[Ints, Ints, Array]]:
+    """Stiffness of springs whose other end is held, ``dof`` and ``k`` of shape ``(n, 3)``."""
+    if not mean:
+        yield dof.ravel(), dof.ravel(), k.ravel()
+        return
+    for axis in np.flatnonzero(k.any(axis=0)):
+        b = k[:, axis]
+        yield _dense(dof[:, axis], np.outer(b, b) / b.sum())
+
+
+def _dense(dof: Ints, block: Array) -> tuple[Ints, Ints, Array]:
+    return np.repeat(dof, len(dof)), np.tile(dof, len(dof)), block.ravel()

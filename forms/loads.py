@@ -73,13 +73,16 @@ class MassDamping:
     nodal: Array
     dt: float
     dissipation: float = 0.0
+    _last: Array | None = field(default=None, repr=False)
 
     def add(self, state: Any, force: Any) -> None:
-        """Add the damping force and collect its power."""
+        """Add the damping force and collect its work (trapezoidal, over the way ``dt v``)."""
         v = state.v.x.array[: len(self.nodal)]
         f = self.nodal * v
         force.array[: len(self.nodal)] -= f
-        self.dissipation += self.dt * float(f @ v)
+        if self._last is not None:
+            self.dissipation += self.dt * float(((self._last + f) * v).sum()) / 2
+        self._last = f
 
 
 @dataclass

@@ -156,10 +156,10 @@ def steps(
     per_output = round(scene.time.output_interval / model.dt)
     last = round(scene.time.end / model.dt)
     loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
-    drift = model.connections.masses.step if model.connections is not None else None
+    points = model.connections.masses if model.connections is not None else None
     progress.start(last, model.dt)
     loop = central_difference(
-        state, model.mass.petsc_vec, loads, model.supports, model.dt, last * model.dt, drift
+        state, model.mass.petsc_vec, loads, model.supports, model.dt, last * model.dt, points
     )
     began = time.perf_counter()
     busy = sum(clock.seconds.values())

@@ -13,6 +13,8 @@ from petsc4py import PETSc
 
 import dolfinx
 
+from forms.connections import PointMasses
+
 Load = Callable[["State", dolfinx.la.Vector], None]
 
 
@@ -42,7 +44,7 @@ def central_difference(
     hold: Callable[[dolfinx.la.Vector], None],
     dt: float,
     t_end: float,
-    drift: Callable[[float], None] | None = None,
+    points: PointMasses | None = None,
 ) -> Iterator[State]:
     """Yield the state at every step from now to ``t_end``, forces and acceleration in place.
 
@@ -53,7 +55,7 @@ def central_difference(
         hold: Removes the held components from an acceleration.
         dt: Step [s].
         t_end: Last time [s].
-        drift: Moves what is not in the mesh (point masses) by the same step.
+        points: Point masses that move with the bodies.
     """
     u, v, a = state.u.x.petsc_vec, state.v.x.petsc_vec, state.a.petsc_vec
     start = True
@@ -66,14 +68,16 @@ def central_difference(
         hold(state.a)
         if start:
             v.axpy(-dt / 2, a)  # from v at t to v at t - dt/2
+            if points is not None:
+                points.back(dt / 2)
             start = False
         yield state
         if state.t > t_end - dt / 2:
             return
         v.axpy(dt, a)  # kick
         u.axpy(dt, v)  # drift
-        if drift is not None:
-            drift(dt)
+        if points is not None:
+            points.step(dt)
         state.u.x.scatter_forward()
         state.v.x.scatter_forward()
         state.t += dt
