@@ -20,11 +20,14 @@ _SAVED = (
 class History:
     """Arrays over the ``nc`` contactor nodes; what they hold is told in ``kernel.h``.
 
+    ``ratio`` is the tangential over the normal stiffness.
+
     Attributes:
         c: Their memory for the kernel, by name.
     """
 
-    def __init__(self, nc: int) -> None:
+    def __init__(self, nc: int, ratio: float = 1.0) -> None:
+        self._ratio = ratio
         self.facet = np.zeros(nc, dtype=np.int32)
         self.xi = np.zeros((nc, 2))
         self.gap = np.zeros(nc)
@@ -38,13 +41,21 @@ class History:
         self.touching = np.zeros(nc, dtype=np.int32)
         self.total = np.zeros(12)
         self.c: dict[str, Any] = {
-            name: view(name, a, a.shape, a.dtype, out=True) for name, a in vars(self).items()
+            name: view(name, a, a.shape, a.dtype, out=True)
+            for name, a in vars(self).items()
+            if name[0] != "_"
         }
 
     def clear(self, nodes: npt.NDArray[np.int64] | slice = slice(None)) -> None:
         """Forget the contact of ``nodes`` (all if left out)."""
         for a in (self.stiffness, self.pressing, self.drag, self.traction, self.slip):
             a[nodes] = 0.0
+
+    def release(self, nodes: npt.NDArray[np.int64]) -> None:
+        """Let go of ``nodes``; the energy of their tangential springs turns into heat."""
+        kt = self._ratio * self.stiffness[nodes]
+        self.total[0] += float((0.5 * (self.traction[nodes] ** 2).sum(axis=1) / kt).sum())
+        self.clear(nodes)
 
     def saved(self) -> dict[str, npt.NDArray[Any]]:
         """Return copies of the lasting arrays by name."""

@@ -14,21 +14,22 @@ from contact.search import Search
 Array = npt.NDArray[np.float64]
 
 
-def deepest(search: Search, xv: Array, reach: float, tracked: tuple[Any, ...]) -> tuple[float, int]:
+def deepest(search: Search, xv: Array, reach: float, c: dict[str, Any]) -> tuple[float, int]:
     """Return depth [m] and contactor index of the deepest node; (0, -1) where nothing overlaps.
 
-    Overwrites the neighbourhood held by ``search``.
+    Overwrites ``live`` and ``outward`` of ``search``.
 
     Args:
         search: Search of the pair.
         xv: Positions and velocities of all nodes, shape ``(n, 6)``.
         reach: Depth up to which overlap is looked for [m].
-        tracked: Constant arguments of ``wr_track`` up to ``outward``.
+        c: Memory of the arrays that ``wr_track`` reads, by name.
     """
     probe = History(search.nc)
     item = search.candidates(xv, reach, reach, probe.stiffness, probe.facet, probe.xi)
-    out = tuple(probe.c[key] for key in ("facet", "xi", "gap", "normal"))
-    lib.wr_track(len(item), view("item", item, (-1,), np.int32), *tracked, *out)
+    fixed = (c[key] for key in "xv quad kind size around ring live outward".split())
+    out = (probe.c[key] for key in ("facet", "xi", "gap", "normal"))
+    lib.wr_track(len(item), view("item", item, (-1,), np.int32), *fixed, *out)
     if not item.size or not probe.gap[item].min() < 0.0:
         return 0.0, -1
     worst = int(item[np.argmin(probe.gap[item])])

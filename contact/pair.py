@@ -8,12 +8,10 @@ import numpy.typing as npt
 
 from contact._kernel import lib
 from contact.arrays import view
-from contact.exchange import Exchange
 from contact.footprint import Footprint, connected, footprint_of
 from contact.friction import Coulomb, Law, LawState, as_law, coefficients
 from contact.history import History
-from contact.overlap import deepest
-from contact.search import Search, typical_edge
+from contact.neighbourhood import Neighbourhood
 from contact.state import State, Vector
 from contact.surface import Surface, tributary_area
 from contact.tangent import stiffness_blocks
@@ -23,11 +21,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-
-# Between two searches a node that is not watched may gain speed. 500 steps per cell width are
-# about c / 500 = 12 m/s: it would take a shock of half a gigapascal to come unseen.
-_LONGEST_INTERVAL = 500
-_SPEED_RESERVE = 1.5
 
 
 class ContactPair:
@@ -90,29 +83,19 @@ class ContactPair:
         self.contactor, self.target = contactor, target
         self.dt, self.penalty, self.damping, self.tangential = dt, penalty, damping, tangential
         self.law = as_law(friction)
-        self.search = Search(contactor, target)
-        self.exchange = Exchange(
-            np.vstack([contactor.reference, target.reference]),
-            np.concatenate([contactor.dofs, target.dofs]),
-            comm,
-        )
-        cell = typical_edge(target if contactor.rigid else contactor)
-        self.reach = 0.5 * cell if reach is None else float(reach)
-        if not self.reach > 0.0:
-            raise ValueError(f"reach: expected a positive length, got {reach} m")
-        self.margin = max(cell, self.reach)
+        self.near = Neighbourhood(contactor, target, comm, reach, self.name)
         self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
-        self.history = History(len(contactor.nodes))
+        self.history = History(len(contactor.nodes), tangential)
         self._bind()
         self.reset()
 
     def _bind(self) -> None:
         """Collect the arguments of the kernel calls that stay the same."""
-        s, n = self.search, len(self.area)
+        s, n = self.near.search, len(self.area)
         self._mass = np.concatenate([self.contactor.mass, self.target.mass])
         self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
         arrays: dict[str, npt.NDArray[Any]] = {
-            "xv": self.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
+            "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
             "quad": s.quad, "kind": s.kind, "size": s.size, "around": s.around, "ring": s.ring,
             "live": s.live, "outward": s.outward,
         }  # fmt: skip
@@ -121,6 +104,7 @@ class ContactPair:
         track = "xv quad kind size around ring live outward facet xi gap normal"
         normal = "xv mass area quad facet xi gap normal stiffness pressing drag traction slip"
         friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
+        self._c = c
         self._c_track = tuple(c[key] for key in track.split())
         self._c_normal = tuple(c[key] for key in (normal + " touching total").split())
         self._c_friction = tuple(c[key] for key in friction.split())
@@ -131,8 +115,8 @@ class ContactPair:
         self.history.total[:] = 0.0
         constant = self.law.friction if isinstance(self.law, Coulomb) else np.nan
         self.history.friction[:] = constant
-        self._choose(np.empty(0, dtype=np.int32))
-        self._steps_left, self._searched, self.active = 0, False, 0
+        self.near.forget()
+        self.active = 0
 
     # ---- one step -------------------------------------------------------------------------
 
@@ -146,7 +130,7 @@ class ContactPair:
                 by a new search wherever the bodies moved; drops the tangential history.
         """
         if friction:
-            self._approach(state.u.x.array, state.v.x.array)
+            self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
             m = self._press(self.dt)
             if not isinstance(self.law, Coulomb):
                 self._apply_law(m, state.t)
@@ -159,30 +143,20 @@ class ContactPair:
             view("force", force.array, (-1,), out=True), self.history.c["total"],
         )  # fmt: skip
 
-    def _approach(self, u: Array, v: Array) -> None:
-        """Read the nodes near the patch and search again before any other can arrive."""
-        self._steps_left -= 1
-        if self._steps_left < 0 or not 2.0 * self.exchange.update(u, v) < self.margin:
-            self.exchange.whole(u, v)
-            self._search()
-
     def _settle(self, state: State) -> int:
         """Find the contact of a state at rest; return the number of touching nodes."""
-        u = state.u.x.array
-        if not (2.0 * self.exchange.whole(u, u) < self.margin and self._searched):
-            self._search()
-        self._steps_left = 0
+        self.near.settle(state.u.x.array, self.history)
         self.history.traction[:] = 0.0
         return self._press(0.0)
 
     def _press(self, dt: float) -> int:
         """Track the candidates and find their normal forces; return how many touch."""
-        k = len(self._item)
-        lib.wr_track(k, self._c_item, *self._c_track)
+        k = len(self.near.item)
+        lib.wr_track(k, self.near.c_item, *self._c_track)
         per_mass = self.penalty / self.dt**2
         lag = 2.0 * self.damping * dt / self.penalty**0.5
         self.active = lib.wr_normal(
-            k, self._c_item, dt, per_mass, lag, self.tangential, *self._c_normal
+            k, self.near.c_item, dt, per_mass, lag, self.tangential, *self._c_normal
         )
         return self.active
 
@@ -192,48 +166,10 @@ class ContactPair:
         state = LawState(t, self.dt, self.contactor.nodes[c], h.friction[c])
         rate = np.linalg.norm(h.slip[c], axis=1) / self.dt
         value = coefficients(self.law, rate, h.pressing[c] / self.area[c], state)
-        h.friction[self._item] = np.nan
+        h.friction[self.near.item] = np.nan
         h.friction[c] = value
 
-    # ---- search ---------------------------------------------------------------------------
-
-    def _search(self) -> None:
-        """Find the candidates again, and how many steps they will do."""
-        xv, h, nc = self.exchange.xv, self.history, len(self.history.gap)
-        if not np.isfinite(xv).all():
-            bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
-            node = np.concatenate([self.contactor.nodes, self.target.nodes])[bad]
-            raise RuntimeError(f"contact pair {self.name}: node {node} is at {xv[bad, :3]} m")
-        item = self.search.candidates(xv, self.margin, self.reach, h.stiffness, h.facet, h.xi)
-        held = h.stiffness > 0.0
-        held[item] = False
-        self._release(np.flatnonzero(held))
-        self._choose(item)
-        drift = xv[nc:, 3:].mean(axis=0)
-        speed = np.linalg.norm(xv[:, 3:] - drift, axis=1)
-        fastest = float(speed[:nc].max() + speed[nc:].max())
-        steps = self.margin / max(_SPEED_RESERVE * fastest * self.dt, 1e-300)
-        self._steps_left = max(0, int(min(steps, _LONGEST_INTERVAL)) - 1)
-        self._searched = True
-        self.exchange.mark()
-
-    def _choose(self, item: npt.NDArray[np.int32]) -> None:
-        self._item = np.ascontiguousarray(item)
-        self._c_item = view("item", self._item, (-1,), np.int32)
-        self.exchange.choose(self.search.neighbourhood(self._item))
-
-    def _release(self, c: Index) -> None:
-        """Let go of nodes that left the neighbourhood."""
-        h = self.history
-        deep = c[h.gap[c] < -0.5 * self.margin]
-        if deep.size:
-            raise RuntimeError(
-                f"contact pair {self.name}: node {self.contactor.nodes[deep[0]]} went through "
-                f"the target (gap {h.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
-            )
-        kt = self.tangential * h.stiffness[c]
-        h.total[0] += float((0.5 * (h.traction[c] ** 2).sum(axis=1) / kt).sum())
-        h.clear(c)
+    # ---- statics --------------------------------------------------------------------------
 
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].
@@ -244,13 +180,10 @@ class ContactPair:
             state: Displacements as in :meth:`add`; velocities are not read.
             reach: Depth up to which overlap is looked for [m]; a cell if None.
         """
-        self.exchange.whole(state.u.x.array, state.u.x.array)
-        look = 2.0 * self.reach if reach is None else reach
-        depth, c = deepest(self.search, self.exchange.xv, look, self._c_track[:-4])
-        self._steps_left, self._searched = 0, False  # the neighbourhood was overwritten
+        depth, c = self.near.deepest(state.u.x.array, reach, self._c)
         if c < 0:
             return 0.0, -1, np.zeros(3)
-        return depth, int(self.contactor.nodes[c]), self.exchange.xv[c, :3].copy()
+        return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
 
     def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
         """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
@@ -264,8 +197,8 @@ class ContactPair:
         """
         h = self.history
         c = h.touching[: self._settle(state)]
-        nodes = np.concatenate([self.contactor.nodes, self.target.nodes])
-        nodes = np.column_stack([nodes[c], nodes[self.search.quad[h.facet[c]]]])
+        nodes = self.near.nodes
+        nodes = np.column_stack([nodes[c], nodes[self.near.search.quad[h.facet[c]]]])
         kn = h.stiffness[c]
         kt = self.tangential * kn if stick else 0.0
         return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
@@ -318,7 +251,7 @@ class ContactPair:
         touching = h.touching[: self.active].astype(np.int64)
         c = touching[h.pressing[touching] > 0.0]
         return footprint_of(
-            self.contactor.nodes[c], self.exchange.xv[c, :3], h.normal[c], h.pressing[c],
+            self.contactor.nodes[c], self.near.exchange.xv[c, :3], h.normal[c], h.pressing[c],
             h.traction[c], self.area[c], h.slip[c] / self.dt, h.friction[c],
             connected(self.contactor.facets, c, len(self.contactor.nodes)), stick_tolerance,
         )  # fmt: skip
@@ -327,20 +260,9 @@ class ContactPair:
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        return self.history.saved() | {
-            "item": self._item.copy(),
-            "live": self.search.live.copy(),
-            "outward": self.search.outward.copy(),
-            "past": self.exchange.past.copy(),
-            "schedule": np.array([self._steps_left, self._searched, self.active]),
-        }
+        return self.history.saved() | self.near.saved()
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
         self.history.load(memory)
-        self.search.live[:] = memory["live"]
-        self.search.outward[:] = memory["outward"]
-        self.exchange.past[:] = memory["past"]
-        self._choose(np.asarray(memory["item"], dtype=np.int32))
-        left, searched, active = (int(k) for k in memory["schedule"])
-        self._steps_left, self._searched, self.active = left, bool(searched), active
+        self.near.load(memory)

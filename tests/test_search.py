@@ -66,7 +66,7 @@ def found(surface, points, normal=(0.0, 0.0, -1.0), reach=0.6, edge=1e-3):
     """Gap, candidates of the first corner of each probe."""
     probe = probes(points, len(surface.nodes), normal, edge)
     pair = ContactPair(probe, surface, dt=1e-6, reach=reach)
-    pair.margin = reach
+    pair.near.margin = reach
     n = 3 * (len(surface.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
@@ -89,7 +89,7 @@ def test_closest_point_equals_brute_force(seed, bump):
         if distance > 0.55:
             continue
         c = 4 * k
-        assert c in pair._item
+        assert c in pair.near.item
         assert abs(pair.history.gap[c]) == pytest.approx(distance, abs=1e-7)
 
 
@@ -130,17 +130,17 @@ def test_tracking_sees_the_wall():
     """A node that skims the floor is caught by the wall, without a new search."""
     target, diagonal = root(), np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
     pair = found(target, [[-0.35, 1.4, 0.1]], diagonal, reach=0.5)
-    n, c = 3 * (len(target.nodes) + 4), pair.search.nc
+    n, c = 3 * (len(target.nodes) + 4), pair.near.search.nc
     assert c == 4 and pair.history.gap[0] == pytest.approx(0.1)
-    u, item = np.zeros(n), pair._item
-    pair.margin = 10.0
+    u, item = np.zeros(n), pair.near.item
+    pair.near.margin = 10.0
     for x in np.linspace(0.0, 0.4, 41):
         u[-12::3] = x
         field = SimpleNamespace(x=SimpleNamespace(array=u))
         still = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
         state = SimpleNamespace(u=field, v=still, t=0.0)
         pair.add(state, SimpleNamespace(array=np.zeros(n)))
-        assert pair._item is item
+        assert pair.near.item is item
         assert pair.history.gap[0] == pytest.approx(min(0.1, 0.35 - x), abs=1e-12)
 
 
@@ -185,9 +185,9 @@ def test_nobody_is_missed_under_motion(seed):
     force = SimpleNamespace(array=np.zeros(n))
     for _ in range(150):
         u += dt * v
-        before = pair._item
+        before = pair.near.item
         pair.add(state, force)
-        searches += pair._item is not before
+        searches += pair.near.item is not before
         fresh = ContactPair(probe, target, dt=dt, reach=reach)
         fresh.add(state, force)
         touch, again = pair.history.gap < 0, fresh.history.gap < 0
@@ -210,7 +210,7 @@ def test_search_cost_follows_the_patch():
     n = 3 * (len(target.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
-    assert 1 <= pair.search.live.sum() <= 25
+    assert 1 <= pair.near.search.live.sum() <= 25
 
 
 def test_topology():
