@@ -238,6 +238,31 @@ def test_conservative_bounce():
     assert v[2::3] == pytest.approx(np.full(len(plate.nodes), 0.5), rel=1e-2)
 
 
+@pytest.mark.parametrize(("friction", "damping"), [(0.3, 0.0), (0.3, 0.2), (0.0, 0.2)])
+def test_energy_balance_of_a_sliding_plate(friction, damping):
+    """Leapfrog: kinetic + stored + dissipated energy less the work of the load stays constant."""
+    plate, pair, state = plate_on_plane(friction, damping=damping)
+    u, v = state.u.x.array, state.v.x.array
+    mass = np.repeat(plate.mass, 3)
+    load = np.zeros(u.size)
+    load[2::3] = -0.1 * mass[2::3] / pair.dt**2 * 1e-6
+    v[0::3], v[2::3] = 0.2, -0.05
+    work, start, error = 0.0, None, 0.0
+    for _ in range(400):
+        f = evaluate(pair, state).ravel() + load
+        after = v + pair.dt * f / mass
+        lost = pair.friction_dissipation + pair.damping_dissipation
+        energy = 0.5 * mass @ (v * after) + pair.stored_energy + lost - work
+        start = energy if start is None else start
+        error = max(error, abs(energy - start))
+        v[:] = after
+        before = load @ u
+        u += pair.dt * v
+        work += load @ u - before
+    assert lost > 0.1 * start if friction or damping else lost == 0.0
+    assert error <= 1e-12 * start
+
+
 def test_memory_resumes_bitwise():
     """Stop and go on in a new pair: the same forces to the last bit."""
     lower, upper = two_skins()

@@ -60,17 +60,17 @@ int64_t wr_buckets(int64_t m, const double *box, const double *grid, const int64
  * Only facets whose normal opposes `outward` count. Nodes already in contact keep the facet that
  * they track. Sets facet and xi of hits, and live round them. Returns the number of hits. */
 int64_t wr_search(int64_t k, const int32_t *item, const double *xv, const double *outward,
-                  const int32_t *quad, const int32_t *pick, const double *box,
-                  const double *grid, const int64_t *dims, const int64_t *start,
-                  const int32_t *entry, double above, double below, const double *stiffness,
-                  int32_t *facet, double *xi, uint8_t *hit, uint8_t *live);
+                  const int32_t *quad, const int32_t *pick, const double *box, const double *grid,
+                  const int64_t *dims, const int64_t *start, const int32_t *entry, double above,
+                  double below, const double *stiffness, int32_t *facet, double *xi, uint8_t *hit,
+                  uint8_t *live);
 
 /* Follows the closest point of k candidates across neighbouring facets; a node beyond the open
  * border gets an infinite gap. Returns the number of nodes with gap < 0. */
 int64_t wr_track(int64_t k, const int32_t *item, const double *xv, const int32_t *quad,
                  const uint8_t *kind, const double *size, const int32_t *around,
-                 const int32_t *ring, const uint8_t *live, const double *outward,
-                 int32_t *facet, double *xi, double *gap, double *normal);
+                 const int32_t *ring, const uint8_t *live, const double *outward, int32_t *facet,
+                 double *xi, double *gap, double *normal);
 
 /* Normal force, and the slip that friction acts on.
  *   dt        time since the last step, 0 in statics                                s
@@ -88,8 +88,7 @@ int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, do
 /* Coulomb return map, then adds the forces of both bodies to f (flat, block size 3) on owned dofs.
  * Returns the number of sticking nodes. */
 int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const double *friction,
-                    const double *xv, const double *mass, const int32_t *dof,
-                    const int32_t *quad, const int32_t *facet, const double *xi,
-                    const double *gap, const double *normal, const double *stiffness,
-                    const double *pressing, const double *slip, double *traction, double *f,
-                    double *total);
+                    const double *xv, const double *mass, const int32_t *dof, const int32_t *quad,
+                    const int32_t *facet, const double *xi, const double *gap, const double *normal,
+                    const double *stiffness, const double *pressing, const double *slip,
+                    double *traction, double *f, double *total);
