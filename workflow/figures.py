@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflow import theme
-from workflow.figures_contact import cross_section, footprints, patch_forces
-from workflow.figures_history import energy, history
+from workflow.figures_curves import energy, history, patch_forces, pressure
+from workflow.figures_footprint import footprints
 from workflow.figures_model import model
+from workflow.figures_section import cross_section
 from workflow.recorded import Record
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ __all__ = [
     "history",
     "model",
     "patch_forces",
+    "pressure",
 ]
 
 FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
@@ -35,6 +37,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     patch_forces,
     energy,
     history,
+    pressure,
 )
 
 

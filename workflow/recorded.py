@@ -112,6 +112,11 @@ class Body:
     cells: npt.NDArray[np.int64]
     regions: npt.NDArray[np.int32]
 
+    @property
+    def centres(self) -> Array:
+        """Centre of each cell, shape ``(c, 3)`` [m]."""
+        return np.asarray(self.points[self.cells].mean(axis=1))
+
     def part(self, mask: npt.NDArray[np.bool_]) -> "Body":
         """Return the cells of a mask; nodes keep their numbers."""
         return Body(self.points, self.cells[mask], self.regions[mask])

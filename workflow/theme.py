@@ -3,7 +3,7 @@
 
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -87,9 +87,9 @@ COLOUR_MAP = {
 
 def style() -> AbstractContextManager[None]:
     """Return a context in which matplotlib draws in this theme."""
-    import matplotlib
+    import matplotlib as mpl
 
-    return matplotlib.rc_context(RC)  # type: ignore[arg-type]
+    return mpl.rc_context(RC)  # type: ignore[arg-type]
 
 
 def figure(width: float, height: float) -> "Figure":
@@ -122,23 +122,3 @@ def prefixed(values: npt.ArrayLike, unit: str) -> tuple[float, str]:
     prefixes = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
     power = 0 if size == 0 else int(np.clip(3 * np.floor(np.log10(size * 1.001) / 3), -9, 9))
     return 10.0**-power, prefixes[power] + unit
-
-
-def plotter(pixels: tuple[int, int]) -> Any:
-    """Return an off-screen pyvista plotter with white ground and parallel projection."""
-    import pyvista
-    from vtkmodules.vtkCommonCore import vtkLogger
-
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # VTK looks for a screen aloud
-    view = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="three lights")
-    view.set_background("white")
-    view.enable_parallel_projection()
-    view.enable_anti_aliasing("ssaa")
-    return view
-
-
-def picture(view: Any) -> npt.NDArray[np.uint8]:
-    """Return what a plotter sees, shape ``(height, width, 3)``, and close it."""
-    image = np.asarray(view.screenshot(None, return_img=True))
-    view.close()
-    return image

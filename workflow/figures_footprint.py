@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Footprints on the rail at successive outputs: seen from the gauge side, and developed."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshes.tags import Tag
+from workflow import theme
+from workflow.figures_view import EDGE, Frame, surface
+from workflow.recorded import STEEP, Body, Contact, Patch, Record
+from workflow.theme import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1e3
+OBLIQUE = (-0.55, -1.0, 0.85)  # from where the rail is seen
+LIFT = 3e-4  # of the outlines off the rail [m]
+OUTLINES = 40  # most footprints that are outlined; the trails have all
+BEYOND = 0.012  # rail shown beyond the footprints [m]
+PIXELS = 2400  # width of the picture
+
+
+@dataclass(frozen=True)
+class Development:
+    """Running surface of the rail rolled out flat.
+
+    Attributes:
+        s: Arc length, 0 at the rail top, positive to the field side, increasing ``(n,)`` [m].
+        points: Profile points (y, z), shape ``(n, 2)`` [m].
+    """
+
+    s: Array
+    points: Array
+
+    def flat(self, positions: Array) -> Array:
+        """Return (x, s) of positions on or near the rail, shape ``(n, 2)`` [m]."""
+        start, step = self.points[:-1], np.diff(self.points, axis=0)
+        rel = positions[:, None, 1:] - start
+        part = np.clip((rel * step).sum(-1) / (step**2).sum(-1), 0, 1)
+        off = np.linalg.norm(rel - part[..., None] * step, axis=-1)
+        k = np.argmin(off, axis=1)
+        s = self.s[k] + part[np.arange(len(k)), k] * np.diff(self.s)[k]
+        return np.column_stack([positions[:, 0], s])
+
+    def on_rail(self, flat: Array, lift: float = 0.0) -> Array:
+        """Return positions of (x, s) lifted off the rail by ``lift`` [m], shape ``(n, 3)`` [m]."""
+        y, z = (np.interp(flat[:, 1], self.s, c) for c in self.points.T)
+        slope = np.interp(flat[:, 1], self.s, self.slope)
+        return np.column_stack([flat[:, 0], y - lift * np.sin(slope), z + lift * np.cos(slope)])
+
+    @property
+    def slope(self) -> Array:
+        """Direction of the profile, positive on the gauge side, shape ``(n,)`` [rad]."""
+        y, z = np.gradient(self.points, self.s, axis=0).T
+        return np.asarray(np.arctan2(z, y))
+
+
+def footprints(record: Record) -> "Figure | None":
+    """Footprints on the rail: one-point contact blue, two-point contact red."""
+    if not record.wheel_on_rail or not record.contacts or record.body is None:
+        return None
+    contact = next(iter(record.contacts.values()))
+    rail = record.body.part(record.body.regions == Tag.RAIL_HEAD)
+    every = np.vstack([p.position for output in contact.patches for p in output.values()])
+    around = every.min(axis=0)[0] - BEYOND, every.max(axis=0)[0] + BEYOND
+    rail = rail.part((rail.centres[:, 0] > around[0]) & (rail.centres[:, 0] < around[1]))
+    flat = development(rail, float(np.median(every[:, 0])))
+    fig = theme.figure(theme.PAGE, 5.6)
+    upper, lower = fig.subplots(2, 1, height_ratios=(1.7, 1))
+    seen(upper, rail, flat, contact)
+    developed(lower, rail, flat, contact)
+    lower.set_xlim(around[0] * MM, around[1] * MM)
+    _legend(fig, contact)
+    return fig
+
+
+def development(head: Body, x: float) -> Development:
+    """Return the running surface of a rail head, rolled out at the section nearest to ``x`` [m]."""
+    mesh = surface(head)
+    middle = mesh.cell_centers().points[:, 0]
+    x = float(middle[np.argmin(np.abs(middle - x))])
+    line: Any = mesh.slice(normal="x", origin=(x, 0, 0)).strip(join=True)
+    loop = np.asarray(line.points)[np.asarray(line.get_cell(0).point_ids)][:, 1:]
+    loop = loop[:-1] if np.allclose(loop[0], loop[-1]) else loop
+    top = int(np.argmax(loop[:, 1]))
+    loop = np.roll(loop, len(loop) // 2 - top, axis=0)
+    if loop[len(loop) // 2 + 1, 0] < loop[len(loop) // 2, 0]:
+        loop = np.roll(loop[::-1], 1 - len(loop) % 2, axis=0)
+    top = int(np.argmax(loop[:, 1]))
+    points = np.vstack([_down(loop[top::-1])[::-1], _down(loop[top:])[1:]])
+    top = int(np.argmax(points[:, 1]))
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return Development(s - s[top], points)
+
+
+def _down(points: Array) -> Array:
+    """Return the points from the rail top down one side, as far as the head does not turn in."""
+    step = np.diff(points, axis=0)
+    outward = np.sign(step[0, 0]) * step[:, 0] / np.linalg.norm(step, axis=1)
+    turned = np.flatnonzero(outward < -0.3)
+    return points[: turned[0] + 1] if len(turned) else points
+
+
+def seen(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> None:
+    """Show the rail head obliquely from the gauge side, footprints and scale on it."""
+    mesh = surface(rail)
+    points = np.asarray(mesh.points)
+    frame = Frame.around(points[points[:, 2] > flat.points[0, 1]], OBLIQUE, pad=0.03)
+
+    def fill(view: Any) -> None:
+        view.add_mesh(
+            mesh, color="#d2d4d6", show_edges=True, edge_color=EDGE, edge_opacity=0.5, ambient=0.35
+        )
+        for patches, colour in shown(contact):
+            for patch in patches.values():
+                lifted = patch.position + LIFT * patch.normal
+                view.add_points(
+                    lifted, color=colour, point_size=9, render_points_as_spheres=True, ambient=0.5
+                )
+                ring = flat.on_rail(outline(flat.flat(patch.position), patch.areas), LIFT)
+                view.add_lines(ring, color=colour, width=5, connected=True)
+
+    frame.show(axes, frame.render(PIXELS, fill))
+    _scale(axes, frame, points, flat)
+    theme.letter(axes, "a", "rail head from the gauge side, x in mm")
+
+
+def _scale(axes: "Axes", frame: Frame, points: Array, flat: Development) -> None:
+    """Draw ticks of x along the lower edge of the gauge face."""
+    from matplotlib.ticker import MaxNLocator
+
+    y, z = flat.points[0]
+    low, high = points[:, 0].min() * MM, points[:, 0].max() * MM
+    for x in MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high):
+        if low <= x <= high:
+            at, below = frame.flat(np.array([[x / MM, y, z], [x / MM, y - 0.004, z]]))
+            axes.plot(*np.column_stack([at, below]), color=theme.INK, lw=0.8)
+            axes.annotate(f"{x:g}", below, (-1, -1), textcoords="offset points", **_TICK)
+
+
+_TICK: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 7, "annotation_clip": False}
+
+
+def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> None:
+    """Draw mesh, footprints and trails on the running surface rolled out flat."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    axes.add_collection(LineCollection(_mesh_lines(rail, flat), colors="#dddddd", lw=0.4))
+    outlines = shown(contact)
+    for patches, colour in outlines:
+        for patch in patches.values():
+            nodes = flat.flat(patch.position)
+            ring = outline(nodes, patch.areas) * MM
+            axes.add_collection(PolyCollection([ring], facecolor=colour, alpha=0.10))
+            axes.plot(*ring.T, color=colour, lw=0.8)
+            axes.plot(*(nodes * MM).T, ".", color=colour, ms=1.4, mew=0)
+    for place in (1, 2):
+        _trail(axes, flat, [(t, p[place]) for t, p in _outputs(contact) if place in p], place)
+    every = np.vstack([p.position for _, o in _outputs(contact) for p in o.values()])
+    s = flat.flat(every)[:, 1] * MM
+    bend = np.interp(STEEP, np.degrees(flat.slope[::-1]), flat.s[::-1]) * MM
+    axes.set_ylim(min(s.min(), bend) - 9, s.max() + 9)
+    axes.axhline(bend, color=theme.INK, ls=":", lw=0.8)
+    axes.text(0.995, bend, "rail slopes 45°", transform=axes.get_yaxis_transform(), **_BEND)
+    axes.set(xlabel="along the rail x [mm]", ylabel="arc length s [mm]")
+    axes.set_aspect("equal")
+    axes.grid(False)
+    theme.letter(axes, "b", "running surface developed: s from the rail top, gauge side below")
+
+
+def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], place: int) -> None:
+    """Draw the trail of a patch and label the times of its ends, away from the other patch."""
+    if not path:
+        return
+    centres = flat.flat(np.array([patch.centre for _, patch in path])) * MM
+    axes.plot(*centres.T, "-", color=theme.INK, lw=0.7)
+    for k in (0, -1):
+        t, patch = path[k]
+        s = outline(flat.flat(patch.position), patch.areas)[:, 1] * MM
+        edge, up, side = (s.max(), 4, "bottom") if place == 1 else (s.min(), -4, "top")
+        axes.annotate(
+            f"{t * 1e3:.2f} ms", (centres[k, 0], edge), (0, up), textcoords="offset points",
+            ha="center", va=side, fontsize=6.5,
+        )  # fmt: skip
+
+
+_BEND: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 6, "color": theme.INK}
+
+
+def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
+    """Return patches and colour of the outputs that are outlined, both ends and births among."""
+    outputs = _outputs(contact)
+    keep = np.unique(np.linspace(0, len(outputs) - 1, min(len(outputs), OUTLINES)).round())
+    colours = {1: theme.ONE_POINT, 2: theme.TWO_POINT}
+    return [(outputs[int(k)][1], colours[len(outputs[int(k)][1])]) for k in keep]
+
+
+def outline(flat: Array, areas: Array) -> Array:
+    """Return the closed outline of a patch: hull of its nodes with their areas as discs.
+
+    Args:
+        flat: Nodes (x, s), shape ``(n, 2)`` [m].
+        areas: Tributary areas, shape ``(n,)`` [m2].
+    """
+    from scipy.spatial import ConvexHull
+
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    radius = np.sqrt(areas / np.pi)
+    discs = (flat[:, None] + radius[:, None, None] * circle).reshape(-1, 2)
+    corners = discs[ConvexHull(discs).vertices]
+    return np.vstack([corners, corners[:1]])
+
+
+def _outputs(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
+    return [(t, p) for t, p in zip(contact.t, contact.patches, strict=True) if p]
+
+
+def _mesh_lines(rail: Body, flat: Development) -> list[Array]:
+    """Return the edges of the running surface as lines (x, s), shape ``(k, 5, 2)`` [mm]."""
+    mesh = surface(rail)
+    quads = mesh.regular_faces
+    points = np.asarray(mesh.points, dtype=np.float64)
+    where = flat.flat(points)
+    off = np.linalg.norm(points - flat.on_rail(where), axis=1)
+    on = (off < 2e-3)[quads].all(axis=1)
+    return list(where[quads[on][:, [0, 1, 2, 3, 0]]] * MM)
+
+
+def _legend(fig: "Figure", contact: Contact) -> None:
+    from matplotlib.lines import Line2D
+
+    one = any(len(p) == 1 for p in contact.patches)
+    kinds = [(one, theme.ONE_POINT, "one-point contact")]
+    kinds += [(bool(contact.two_points.any()), theme.TWO_POINT, "two-point contact")]
+    keys = [Line2D([], [], color=c, marker=".", label=label) for there, c, label in kinds if there]
+    keys.append(Line2D([], [], color=theme.INK, lw=0.7, label="trail of the patch centres"))
+    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys))

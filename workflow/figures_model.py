@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The mesh of a run, coloured by region, as a whole and close up."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshes.tags import Tag
+from workflow import theme
+from workflow.figures_view import Frame, mesh_picture
+from workflow.recorded import RAIL, Body, Record
+from workflow.theme import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+OBLIQUE = (0.75, -1.0, 0.5)
+WHOLE = (0.45, -1.0, 0.3)
+AHEAD = (1.0, -0.3, 0.12)
+BESIDE = 0.45  # rail shown before and behind the wheel centre [m]
+CLOSE = 0.045  # half size of the close-up [m]
+
+
+def model(record: Record) -> "Figure | None":
+    """The mesh coloured by region; for a wheel on a rail also close up, cut at the contact."""
+    body = record.body
+    if body is None:
+        return None
+    if record.wheel_on_rail:
+        rolling = record.scene.get("rolling", {})
+        fig = wheel_on_rail(body, rolling.get("angle_of_attack", 0.0))
+    else:
+        fig = whole(body)
+    _legend(fig, body)
+    return fig
+
+
+def whole(body: Body) -> "Figure":
+    """Return a figure of the whole mesh with its edges."""
+    frame, image = mesh_picture(body, OBLIQUE, 2800)
+    fig = theme.figure(theme.PAGE, min(theme.PAGE * frame.height / frame.width, 5.0) + 0.5)
+    axes = fig.subplots()
+    frame.show(axes, image)
+    size = np.ptp(body.points[np.unique(body.cells)], axis=0)
+    scale, unit = theme.prefixed(size, "m")
+    extent = " × ".join(f"{length * scale:.4g}" for length in size)
+    axes.set_title(f"{_count(body)}, {extent} {unit}")
+    return fig
+
+
+def wheel_on_rail(body: Body, yaw: float) -> "Figure":
+    """Return the whole model, the wheel with a stretch of rail, and the cut contact zone.
+
+    Args:
+        body: Mesh.
+        yaw: Angle of attack of the wheel [rad].
+    """
+    fig = theme.figure(theme.PAGE, 6.6)
+    panels = fig.subplot_mosaic("aa;bc", height_ratios=(1, 1.7), width_ratios=(1, 1.15))
+    frame, image = mesh_picture(body, WHOLE, 2800, edges=False)
+    frame.show(panels["a"], image)
+    theme.letter(panels["a"], "a", f"whole model: {_count(body)}")
+    focus, centre = contact_point(body), body.centres
+    wheel = ~np.isin(body.regions, RAIL)
+    near = body.part(wheel | (np.abs(centre[:, 0] - focus[0]) < BESIDE))
+    frame, image = mesh_picture(near, OBLIQUE, 1600)
+    frame.show(panels["b"], image)
+    theme.letter(panels["b"], "b", "wheelset half on the rail")
+    _contact_zone(panels["c"], body, yaw, focus)
+    return fig
+
+
+def contact_point(body: Body) -> Array:
+    """Return the point of the wheel nearest above the rail head, shape ``(3,)`` [m]."""
+    from scipy.spatial import cKDTree
+
+    head = body.points[np.unique(body.cells[body.regions == Tag.RAIL_HEAD])]
+    tyre = body.points[np.unique(body.cells[body.regions == Tag.TYRE])]
+    reach = tyre[tyre[:, 2] < head[:, 2].max() + 0.02]
+    distance, _ = cKDTree(head).query(reach)
+    return np.asarray(reach[np.argmin(distance)])
+
+
+def _contact_zone(axes: "Axes", body: Body, yaw: float, focus: Array) -> None:
+    """Show what lies behind the contact: the rail cut across, the wheel along its axle."""
+    head = body.points[np.unique(body.cells[body.regions == Tag.RAIL_HEAD])]
+    tyre = body.points[np.unique(body.cells[body.regions == Tag.TYRE])]
+    hub = (tyre.min(axis=0) + tyre.max(axis=0)) / 2
+    centre, ahead = body.centres, np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    rail = np.isin(body.regions, RAIL)
+    behind = np.where(rail, centre[:, 0] < focus[0], (centre - hub) @ ahead < 0)
+    focus = np.array([focus[0], head[:, 1].mean() - CLOSE / 4, focus[2]])
+    near = np.linalg.norm(centre - focus, axis=1) < 8 * CLOSE
+    frame = Frame.around(focus + CLOSE * np.array([[0, -1, -1], [0, 1, 1]]), AHEAD)
+    _, image = mesh_picture(body.part(behind & near), AHEAD, 1800, frame=frame)
+    frame.show(axes, image)
+    theme.letter(axes, "c", f"cut at the contact, {frame.width * 1e3:.0f} mm wide")
+
+
+def _count(body: Body) -> str:
+    return f"{len(body.cells)} cells, {len(body.points)} nodes"
+
+
+def _legend(fig: "Figure", body: Body) -> None:
+    from matplotlib.patches import Patch
+
+    keys = [
+        Patch(
+            facecolor=theme.REGION.get(region, theme.FAINT),
+            edgecolor=theme.INK,
+            lw=0.4,
+            label=region.name.lower().replace("_", " "),
+        )
+        for region in map(Tag, np.unique(body.regions))
+    ]
+    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys))
