@@ -136,7 +136,7 @@ def test_row_19_static_deflection_under_weight():
 
 
 def test_mean_spring_does_not_feel_a_ring_turn_but_a_spread_one_does():
-    """A ring of 8 nodes turned by 40 degrees about its axis: no force; shifted by 1 mm: k · 1 mm."""
+    """A ring of nodes turned by 40 degrees about its axis: no force; shifted by 1 mm: k · 1 mm."""
     a = np.arange(8) * np.pi / 4
     ring = 0.08 * np.column_stack([np.cos(a), 0 * a, np.sin(a)])
     turn = np.radians(40)

@@ -2,10 +2,10 @@
 """Scenes: what a run is made of, as checked models. Every number is in SI and carries its unit."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -48,8 +48,14 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+
+
 class BarMesh(Section):
     """A straight bar along x, one end at x = 0."""
+
+    regions: ClassVar = ("bar",)
+    surfaces: ClassVar = SIDES
 
     kind: Literal["bar"]
     length: Length
@@ -59,6 +65,9 @@ class BarMesh(Section):
 
 class BlocksMesh(Section):
     """A block lying on a base with a mesh that does not match."""
+
+    regions: ClassVar = ("block", "base")
+    surfaces: ClassVar = (*SIDES, "block_bottom", "base_bottom", "base_top")
 
     kind: Literal["block-on-base"]
     size: Length
@@ -70,6 +79,9 @@ class BlocksMesh(Section):
 class CapMesh(Section):
     """A quarter of a spherical cap on a quarter of a flat block, graded to the contact."""
 
+    regions: ClassVar = ("sphere", "base")
+    surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
+
     kind: Literal["cap-on-block"]
     radius: Length
     extent: Length
@@ -79,6 +91,12 @@ class CapMesh(Section):
 
 class WheelRailMesh(Section):
     """A wheelset half on a rail in the track position, fine where it will roll."""
+
+    regions: ClassVar = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
+    surfaces: ClassVar = (
+        *("tread", "axle_inner", "axle_outer", "journal"),
+        *("railhead", "foot_underside", "rail_ends"),
+    )
 
     kind: Literal["wheel-on-rail"]
     size: Length
@@ -238,6 +256,8 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
+        if wrong := list(self._unknown_names()):
+            raise ValueError("\n".join(wrong))
         if self.rolling:
             if self.rolling.body not in self.bodies:
                 raise ValueError(
@@ -251,6 +271,44 @@ class Scene(Section):
                 f"expected at most time.end = {self.time.end} s"
             )
         return self
+
+    def _unknown_names(self) -> Iterator[str]:
+        """Yield a line for every body, region and surface that this scene does not have."""
+        regions, owner = self.mesh.regions, dict[str, str]()
+        for name, body in self.bodies.items():
+            for region in (r.lower() for r in body.regions):
+                if region not in regions:
+                    yield f"bodies.{name}.regions = {region!r}: expected one of {list(regions)}"
+                elif region in owner:
+                    yield f"bodies.{name}.regions = {region!r}: in body {owner[region]!r} already"
+                owner[region] = name
+        if missing := [r for r in regions if r not in owner]:
+            yield f"bodies: no body has the regions {missing} of the mesh"
+        if self.rolling and self.rolling.driven_region.lower() not in regions:
+            got = self.rolling.driven_region
+            yield f"rolling.driven_region = {got!r}: expected one of {list(regions)}"
+        for key, surface in self._surfaces():
+            if surface.lower() not in self.mesh.surfaces:
+                yield f"{key} = {surface!r}: expected one of {list(self.mesh.surfaces)}"
+        for body in self.equilibrium.approach if self.equilibrium else ():
+            if body not in self.bodies:
+                yield f"equilibrium.approach.{body}: expected one of {list(self.bodies)}"
+
+    def _surfaces(self) -> Iterator[tuple[str, str]]:
+        """Yield the key and value of every surface that this scene names."""
+        for name, contact in self.contacts.items():
+            yield f"contacts.{name}.contactor", contact.contactor
+            if isinstance(contact.target, str):
+                yield f"contacts.{name}.target", contact.target
+        hold = self.equilibrium.hold if self.equilibrium else []
+        lists = {"supports": self.supports, "loads": self.loads, "equilibrium.hold": hold}
+        for key, entries in lists.items():
+            for i, entry in enumerate(entries):
+                yield f"{key}.{i}.surface", entry.surface
+        if self.vehicle:
+            yield "vehicle.journal", self.vehicle.journal
+        if self.track:
+            yield "track.seat", self.track.seat
 
     @staticmethod
     def load(source: str | Path, **changes: Any) -> "Scene":
@@ -291,29 +349,31 @@ def names() -> list[str]:
 def read(source: str | Path) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked."""
     path = Path(source)
-    if path.suffix != ".toml" and str(source) in names():
-        text = (resources.files("workflow") / "scenes" / f"{source}.toml").read_text("utf-8")
-    elif path.is_file():
-        text = path.read_text("utf-8")
-    else:
-        raise SceneError(
-            f"scene {str(source)!r}: expected a TOML file or one of {', '.join(names())}"
-        )
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return tomllib.loads(_text(path, str(source)))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
+
+
+def _text(path: Path, source: str) -> str:
+    if path.suffix != ".toml" and source in names():
+        return (resources.files("workflow") / "scenes" / f"{source}.toml").read_text("utf-8")
+    if path.is_file():
+        return path.read_text("utf-8")
+    raise SceneError(f"scene {source!r}: expected a TOML file or one of {', '.join(names())}")
 
 
 def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(data)
     for key, value in changes.items():
-        head, _, rest = key.partition(".")
-        if not rest:
-            merged[head] = value
-            continue
-        inner = merged.get(head, {})
-        if not isinstance(inner, dict):
-            raise SceneError(f"{key}: {head!r} is not a table")
-        merged[head] = _merged(inner, {rest: value})
+        *tables, last = key.split(".")
+        inner = merged
+        for depth, table in enumerate(tables, 1):
+            below = inner.get(table, {})
+            if not isinstance(below, dict):
+                path = ".".join(tables[:depth])
+                raise SceneError(f"{key}: expected a key of the scene, but {path} is not a table")
+            inner[table] = dict(below)
+            inner = inner[table]
+        inner[last] = value
     return merged
