@@ -7,6 +7,7 @@ import numpy.typing as npt
 from meshes.hexmesh import HexMesh, boundary
 from meshes.placement import GAUGE, INCLINATION, track_offset
 from meshes.profiles import inclined, rail_54e1
+from meshes.relax import relaxed
 from meshes.section import Section, assembled, coons, divided, spaced, straight
 from meshes.sweep import (
     D,
@@ -94,7 +95,7 @@ def rail_section(size: float, levels: int) -> tuple[Section, int, int]:
     right = spaced(flank, depth)
     left = right * [-1, 1]
     side = (len(stations) - 1 - WEB_COLUMNS) // 2
-    shoulder = [0.0115, -min(2.3 * row, 0.030)]
+    shoulder = [0.0115, -min(1.8 * row, 0.030)]
     rise = straight(right[-1], shoulder, side)
     roof = straight(shoulder * np.array([-1, 1]), shoulder, WEB_COLUMNS)
     inner = np.vstack([rise * [-1, 1], roof[1:-1], rise[::-1]])
@@ -153,18 +154,18 @@ def _space(params: Array) -> Array:
 def _in_track(swept: Swept, start: float, end: float, inclination: float, gauge: float) -> HexMesh:
     facets = boundary(swept.cells)
     at = swept.params[facets]
-    x = at[:, :, X]
+    along = at[:, :, X]
     surfaces = np.zeros(len(facets), dtype=np.int32)
     surfaces[(at[:, :, D] == 0).all(axis=1)] = Tag.RAILHEAD
     surfaces[(at[:, :, Z] < -HEIGHT + 1e-9).all(axis=1)] = Tag.FOOT_UNDERSIDE
-    surfaces[((x == x[:, :1]).all(axis=1)) & np.isin(x[:, 0], (start, end))] = Tag.RAIL_ENDS
+    surfaces[(along == along[:, :1]).all(axis=1) & np.isin(along[:, 0], (start, end))] = (
+        Tag.RAIL_ENDS
+    )
     tagged = surfaces > 0
     turn = np.arctan(inclination)
     c, s = np.cos(turn), np.sin(turn)
-    y, z = swept.params[:, 0], swept.params[:, 1]
     offset = track_offset(inclined(rail_54e1(), inclination), gauge)
-    points = np.column_stack(
-        [swept.params[:, X], c * y - s * z + offset[0], s * y + c * z + offset[1]]
-    )
+    x, y, z = relaxed(_space(swept.params), swept.cells).T
+    points = np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]])
     regions = np.array(REGIONS, dtype=np.int32)[swept.blocks]
     return HexMesh(points, swept.cells, regions, facets[tagged], surfaces[tagged])

@@ -13,8 +13,9 @@ import numpy.typing as npt
 from meshes.hexmesh import HexMesh, boundary
 from meshes.placement import RADIUS, TAPE
 from meshes.profiles import MM, Profile, drawing, s1002, shifted
+from meshes.relax import relaxed
 from meshes.section import Section, assembled, coons, numbered, spaced, straight
-from meshes.sweep import D, X, Swept, Y, Z, Zone, columns_for, cut, levels_for, refine, revolve
+from meshes.sweep import D, Swept, X, Y, Z, Zone, columns_for, cut, levels_for, refine, revolve
 from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]
@@ -207,7 +208,7 @@ def _hub(wheel: dict[str, Array], web: Array) -> list[Array]:
     ends = web[0, 0], web[0, -1]
     feet = [np.array([0.9 * end[0] + 0.1 * web[0, :, 0].mean(), bore]) for end in ends]
     inner = [straight(foot, end, HUB_ROWS) for foot, end in zip(feet, ends, strict=True)]
-    blocks = [coons(straight(*feet, WEB_COLUMNS), inner[1], web[0], inner[0])]
+    blocks = [coons(straight(feet[0], feet[1], WEB_COLUMNS), inner[1], web[0], inner[0])]
     for side in range(2):
         columns = max(2, round(abs(faces[side] - feet[side][0]) / 0.020))
         face = straight([faces[side], bore], [faces[side], top], HUB_ROWS)
@@ -306,6 +307,6 @@ def _tagged(swept: Swept, axle: Axle, tape: float) -> HexMesh:
     surfaces[(np.abs(y - axle.inner + tape) < 1e-9).all(axis=1)] = Tag.AXLE_INNER
     surfaces[(np.abs(y - axle.outer + tape) < 1e-9).all(axis=1)] = Tag.AXLE_OUTER
     tagged = surfaces > 0
-    points = _space(swept.params) + np.array([0.0, tape, 0.0])
+    points = relaxed(_space(swept.params), swept.cells) + np.array([0.0, tape, 0.0])
     regions = np.array(REGIONS, dtype=np.int32)[swept.blocks]
     return HexMesh(points, swept.cells, regions, facets[tagged], surfaces[tagged])
