@@ -184,7 +184,20 @@ def main() -> None:
 
         if isinstance(error, GuardError):
             fail(3, str(error))
+        if in_mpi():
+            abort()
         raise
+
+
+def abort() -> None:
+    """End all ranks after an unexpected error on this one: the others would wait for ever."""
+    import traceback
+
+    from mpi4py import MPI
+
+    traceback.print_exc()
+    sys.stderr.flush()
+    MPI.COMM_WORLD.Abort(1)
 
 
 def fail(code: int, message: str) -> None:

@@ -83,12 +83,15 @@ def history(record: Record) -> "Figure | None":
         normal, *parts = (history[f"{name}_{key}"] for key in HISTORY_FORCES)
         tangential = np.linalg.norm(parts, axis=0)
         scale, unit = theme.prefixed(normal, "N")
-        for label, when, force in closed_forms(record, name):
-            style = {"color": theme.CLOSED_FORM, "lw": 3.5, "solid_joinstyle": "miter"}
-            axes.plot(when * time_scale, force * scale, label=label, **style)
+        for (label, when, force), tint in zip(
+            closed_forms(record, name), theme.CLOSED_FORMS, strict=False
+        ):
+            axes.plot(when * time_scale, force * scale, color=tint, lw=4, label=label)
         axes.plot(t * time_scale, normal * scale, color=theme.PATCH[1], label="normal force")
         if np.any(tangential > 1e-6 * np.max(normal)):
-            axes.plot(t * time_scale, tangential * scale, color=theme.PATCH[2], label="tangential")
+            axes.plot(
+                t * time_scale, tangential * scale, color=theme.PATCH[2], label="tangential force"
+            )
         axes.set(xlabel=f"time [{time_unit}]", ylabel=f"contact force [{unit}]")
         axes.set_title(f"contact pair {name}")
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1))

@@ -113,7 +113,7 @@ def seen(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> None:
 
     def fill(view: Any) -> None:
         view.add_mesh(
-            mesh, color="#d2d4d6", show_edges=True, edge_color=EDGE, edge_opacity=0.5, ambient=0.35
+            mesh, color="#b4b9bf", show_edges=True, edge_color=EDGE, edge_opacity=0.5, ambient=0.2
         )
         for patches, colour in shown(contact):
             for patch in patches.values():

@@ -120,7 +120,7 @@ def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
             edge_color=EDGE,
             edge_opacity=0.8,
             line_width=2.2,
-            ambient=0.35,
+            ambient=0.22,
             specular=0.0,
         )
 

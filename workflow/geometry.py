@@ -14,6 +14,9 @@ from meshes.tags import Tag
 from workflow.scene import BarMesh, BlocksMesh, CapMesh, Scene, SceneError, WheelRailMesh
 
 
+PROFILES = {"S1002": "s1002", "54E1": "rail_54e1"}
+
+
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
     """Return the distributed mesh of a scene and, for wheel on rail, its placement.
 
@@ -104,29 +107,45 @@ def profile(key: str, name: str) -> Any:
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
     from meshes import profiles
 
-    known = {"S1002": profiles.s1002, "54E1": profiles.rail_54e1}
-    if name in known:
-        return known[name]()
+    if name in PROFILES:
+        return getattr(profiles, PROFILES[name])()
     try:
         return profiles.from_csv(name)
     except (ValueError, OSError) as error:
-        expected = f"expected one of {', '.join(known)} or a CSV file"
+        expected = f"expected one of {', '.join(PROFILES)} or a CSV file"
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     """Return wheelset and rail in the track position, the flange just short of the gauge corner."""
     from meshes import placement
+    from meshes.track import rail
+    from meshes.wheelset import wheelset
 
-    wheel, rail = (
-        profile(f"mesh.{part}_profile", getattr(mesh, f"{part}_profile"))
-        for part in ("wheel", "rail")
-    )
-    in_track = placement.rail_in_track(rail, inclination=mesh.inclination, gauge=mesh.gauge)
+    for key in ("wheel_profile", "rail_profile"):
+        name = getattr(mesh, key)
+        outline = profile(f"mesh.{key}", name)
+        if name not in PROFILES:
+            raise SceneError(
+                f"mesh.{key} = {name!r}: a profile of {outline.length * 1e3:.0f} mm, but only "
+                f"{', '.join(PROFILES)} can be meshed so far"
+            )
+    in_track = placement.rail_in_track(inclination=mesh.inclination, gauge=mesh.gauge)
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
-    shift = placement.lateral_shift_for(
-        wheel, in_track, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
+    position = placement.lateral_shift_for(
+        rail=in_track, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
     )
-    position = placement.place(wheel, in_track, radius=mesh.wheel_radius, shift=shift, yaw=yaw)
     zone = rolling_zone(scene)
-    raise NotImplementedError
+    start = mesh.start
+    wheel = wheelset(
+        size=mesh.size, zone=zone, design=mesh.wheel_design, radius=mesh.wheel_radius
+    )
+    track = rail(
+        mesh.rail_length,
+        -mesh.rail_length / 2 - start,
+        size=mesh.size,
+        zone=zone,
+        inclination=mesh.inclination,
+        gauge=mesh.gauge,
+    )
+    return join(placement.placed(wheel, position), track), position

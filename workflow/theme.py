@@ -36,6 +36,8 @@ RC = {
     "legend.fontsize": 7,
     "legend.frameon": False,
     "lines.linewidth": 1.3,
+    "lines.solid_joinstyle": "miter",
+    "lines.solid_capstyle": "butt",
     "xtick.labelsize": 7,
     "ytick.labelsize": 7,
     "xtick.direction": "in",
@@ -46,6 +48,7 @@ RC = {
 INK = "#222222"
 FAINT = "#9a9a9a"
 CLOSED_FORM = "#b0b0b0"
+CLOSED_FORMS = ("#a9d0e2", "#f7d09b")  # behind the colours of PATCH
 ONE_POINT, TWO_POINT = "#1f5fbf", "#d1242f"
 PATCH = {1: "#0b6e99", 2: "#e07b00"}
 PATCH_NAME = {1: "patch 1, rail top", 2: "patch 2, gauge corner"}
