@@ -48,14 +48,14 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
 
 
 class BarMesh(Section):
     """A straight bar along x, one end at x = 0."""
 
     regions: ClassVar = ("bar",)
-    surfaces: ClassVar = SIDES
+    surfaces: ClassVar = (*SIDES, "zmin")
 
     kind: Literal["bar"]
     length: Length

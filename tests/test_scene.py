@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Scenes: what is refused and how it is said; changes nest; a written scene reads back the same."""
+
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+
+from meshes.tags import Tag
+from workflow.geometry import mesh_of
+from workflow.quantities import unit_of
+from workflow.scene import Scene, SceneError, names
+
+BAR = """
+name = "small"
+title = "A bar"
+[mesh]
+kind = "bar"
+length = 0.1
+width = 0.01
+size = 0.01
+[bodies.bar]
+regions = ["bar"]
+material = { youngs_modulus = 210e9, poisson_ratio = 0.0, density = 7800.0 }
+[time]
+end = 1e-5
+output_interval = 1e-6
+"""
+
+
+def bar(**changes) -> Scene:
+    return Scene.check(tomllib.loads(BAR)).with_(**changes)
+
+
+def refusal(scene: str, **changes) -> str:
+    """The message with which a changed built-in scene is refused."""
+    with pytest.raises(SceneError) as caught:
+        Scene.load(scene, **changes)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", names())
+def test_built_in_scenes_are_valid_and_say_what_they_are(name):
+    """Every scene of the package loads under its own name and has a title."""
+    scene = Scene.load(name)
+    assert scene.name == name and scene.title and scene.about
+
+
+@pytest.mark.parametrize(
+    ("scene", "key", "value", "message"),
+    [
+        ("bar-wave", "mesh.sise", 1e-3, "mesh.sise = 0.001: unknown key"),
+        ("bar-wave", "colour", "red", "colour = 'red': unknown key"),
+        ("bar-wave", "mesh.size", -1.0, "mesh.size = -1.0: expected greater than 0 [m]"),
+        ("bar-wave", "mesh.size", 0, "mesh.size = 0: expected greater than 0 [m]"),
+        ("bar-wave", "mesh.size", "fine", "mesh.size = 'fine': expected a valid number [m]"),
+        ("bar-wave", "mesh.size", True, "mesh.size = True: expected a valid number [m]"),
+        ("bar-wave", "mesh.size", float("nan"), "mesh.size = nan: expected a finite number [m]"),
+        ("bar-wave", "time.end", float("inf"), "time.end = inf: expected a finite number [s]"),
+        ("bar-wave", "time.safety", 1.5, "time.safety = 1.5: expected less than or equal to 1.2"),
+        ("bar-wave", "guards.check_interval", 0, "expected greater than or equal to 1"),
+        ("bar-wave", "guards.check_interval", 2.5, "guards.check_interval = 2.5: expected a valid"),
+        ("bar-wave", "gravity", [0.0, 0.0, "g"], "gravity.2 = 'g': expected a valid number [m/s^2]"),
+        ("bar-wave", "bodies.bar.material.poisson_ratio", 0.5, "= 0.5: expected less than 0.5 [-]"),
+        ("bar-wave", "bodies.bar.material.density", -1.0, "density = -1.0: expected greater than 0"),
+        ("bar-wave", "bodies.bar.kinematics", "large", "kinematics = 'large': expected 'small-strain'"),
+        ("bar-wave", "bodies", {}, "bodies = {}: "),
+        ("bar-wave", "mesh.kind", "sphere", "mesh"),
+        ("bar-wave", "time.output_interval", 1.0, "time.output_interval = 1.0: expected at most"),
+        ("bar-wave", "mesh.size.x", 1, "mesh.size.x: expected a key of the scene, but mesh.size is"),
+        ("flange-transition", "rolling.angle_of_attack", 0.3, "= 0.3: expected less than or equal to"),
+        ("flange-transition", "rolling.body", "bogie", "rolling.body = 'bogie': expected one of"),
+        ("flange-transition", "rolling.driven_region", "bogie", "rolling.driven_region = 'bogie': exp"),
+        ("flange-transition", "vehicle.journal", "bogie", "vehicle.journal = 'bogie': expected one of"),
+        ("flange-transition", "track.seat", "cap", "track.seat = 'cap': expected one of ['tread'"),
+        ("flange-transition", "equilibrium.approach", {"cart": [0, 0, 0]}, "approach.cart: expected one"),
+        ("hertz", "contacts.touch.friction", -0.1, "contacts.touch.friction = -0.1: expected greater"),
+        ("hertz", "contacts.touch.target", "floor", "contacts.touch.target = 'floor': expected one of"),
+        ("hertz", "contacts.touch.contactor", "floor", "contacts.touch.contactor = 'floor': expected"),
+        ("hertz", "bodies.flat.regions", ["sphere"], "= 'sphere': in body 'sphere' already"),
+        ("hertz", "bodies.flat.regions", ["sphere"], "no body has the regions ['base'] of the mesh"),
+        ("hertz", "bodies.flat.regions", ["flat"], "bodies.flat.regions = 'flat': expected one of"),
+        ("hertz", "supports", [{"surface": "x", "directions": ["x"]}], "supports.0.surface = 'x': exp"),
+        ("hertz", "supports", [{"surface": "xmin", "directions": ["w"]}], "directions.0 = 'w': expected"),
+        ("hertz", "loads", [{"surface": "xmin"}], "loads.0.traction: missing; expected a value [Pa]"),
+    ],
+)  # fmt: skip
+def test_refusals_name_key_value_and_expectation(scene, key, value, message):
+    """One wrong entry in a good scene: the dotted key, what it is, what it should be and its unit."""
+    assert message in refusal(scene, **{key: value})
+
+
+def test_all_wrong_keys_are_listed_at_once():
+    """Three mistakes, three lines."""
+    lines = refusal("bar-wave", **{"mesh.size": -1.0, "mesh.sise": 1.0, "time.end": "x"}).split(
+        "\n"
+    )
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize("section", ["mesh", "bodies", "time", "name"])
+def test_missing_sections_are_named(section):
+    """A scene without a mesh, bodies, time or name."""
+    data = tomllib.loads(BAR)
+    del data[section]
+    with pytest.raises(SceneError, match=f"^{section}: missing; expected"):
+        Scene.check(data)
+
+
+def test_rolling_needs_a_wheel():
+    """A bar cannot roll."""
+    rolling = {"body": "bar", "driven_region": "bar", "speed": 1.0}
+    with pytest.raises(SceneError, match="mesh.kind = 'bar': rolling expects 'wheel-on-rail'"):
+        bar(rolling=rolling)
+
+
+@pytest.mark.parametrize("content", [b"name = [", b"name = '\xff'"])
+def test_files_that_are_not_toml_are_named(tmp_path, content):
+    """A broken table and bytes that are no UTF-8."""
+    path = tmp_path / "broken.toml"
+    path.write_bytes(content)
+    with pytest.raises(SceneError, match=r"broken.toml: not valid TOML"):
+        Scene.load(path)
+
+
+def test_unknown_scenes_are_told_the_known_ones():
+    """Neither a file nor built in."""
+    assert "'bar-wavy': expected a TOML file or one of bar-impact, bar-wave" in refusal("bar-wavy")
+
+
+def test_changes_nest_and_leave_the_rest_alone():
+    """``with_`` sets keys at any depth, adds tables, and does not touch the scene it came from."""
+    first = bar()
+    second = first.with_(
+        **{"mesh.size": 0.005, "bodies.bar.material.density": 2700.0, "guards.energy_error": 0.1}
+    )
+    assert (first.mesh.size, second.mesh.size) == (0.01, 0.005)
+    assert (first.bodies["bar"].material.density, first.guards.energy_error) == (7800.0, 0.05)
+    assert second.bodies["bar"].material.density == 2700.0
+    assert second.bodies["bar"].material.youngs_modulus == 210e9
+    assert second.guards.energy_error == 0.1
+    assert second.with_(**{"mesh.size": 0.01, "bodies.bar.material.density": 7800.0}) != first
+    assert bar(**{"mesh.size": 0.005}).with_(**{"mesh.size": 0.01}) == first
+
+
+@pytest.mark.parametrize("name", names())
+def test_written_scenes_read_back_the_same(tmp_path, name):
+    """``tables`` as TOML is the same scene, in every key and digit."""
+    scene = Scene.load(name)
+    path = tmp_path / "scene.toml"
+    path.write_text(tomli_w.dumps(scene.tables()), "utf-8")
+    assert Scene.load(path) == scene
+
+
+@pytest.mark.parametrize("name", ["bar-wave", "sliding-block", "hertz"])
+def test_scenes_know_the_regions_and_surfaces_of_their_mesh(name):
+    """The names that a scene is checked against are those that its mesh carries."""
+    scene = Scene.load(name)
+    mesh, _ = mesh_of(scene)
+    regions = {Tag(t).name.lower() for t in np.unique(mesh.regions)}
+    surfaces = {Tag(t).name.lower() for t in np.unique(mesh.surfaces)}
+    assert regions == set(scene.mesh.regions)
+    assert surfaces == set(scene.mesh.surfaces)
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("mesh.size", "m"),
+        ("bodies.any.material.youngs_modulus", "Pa"),
+        ("bodies.any.velocity.0", "m/s"),
+        ("contacts.any.target.origin.2", "m"),
+        ("track.pad_damping.1", "N s/m"),
+        ("rolling.angle_of_attack", "rad"),
+        ("name", ""),
+    ],
+)
+def test_units_are_found_at_any_depth(key, unit):
+    """The unit of a field through tables, lists and unions."""
+    assert unit_of(Scene, key.split(".")) == unit
