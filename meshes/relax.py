@@ -18,7 +18,7 @@ FLOOR = 0.03  # of the regularised determinant
 def relaxed(points: Array, cells: Index, *, below: float = 0.5, steps: int = 60) -> Array:
     """Return the nodes with those of poor cells moved to better places, shape ``(n, 3)`` [m].
 
-    Minimises the fourth power of the inverse mean ratio ``(|a|² + |b|² + |c|²)^(3/2) / 3^(3/2) det``
+    Minimises the fourth power of the inverse mean ratio ``((|a|² + |b|² + |c|²) / 3)^(3/2) / det``
     over the corners of all cells that touch a moving node. Edges are measured in the mean lengths
     of their cell before smoothing, so that flat cells stay flat and no edge collapses.
 
@@ -59,7 +59,11 @@ def _lengths(x: Array, cells: Index) -> Array:
     edges = np.linalg.norm(x[cells[:, NEIGHBOURS]] - x[cells][:, :, None], axis=3)
     axis = np.array([[0, 1, 2], [1, 0, 2]] * 2 + [[1, 0, 2], [0, 1, 2]] * 2)
     mean = np.stack(
-        [sum(edges[:, k, list(axis[k]).index(a)] for k in range(8)) / 8 for a in range(3)], axis=1
+        [
+            np.mean([edges[:, k, axis[k].tolist().index(a)] for k in range(8)], axis=0)
+            for a in range(3)
+        ],
+        axis=1,
     )
     return np.concatenate([mean[:, axis[k]] for k in range(8)])
 

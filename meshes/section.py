@@ -114,13 +114,14 @@ def spaced(polyline: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at * t[-1], t, polyline[:, k]) for k in range(2)])
 
 
-def assembled(blocks: list[Array], profile: Profile, stations: Array) -> Section:
+def assembled(blocks: list[Array], profile: Profile, stations: Array, first_row: float) -> Section:
     """Return the blocks joined and smoothed; the last row of the first block is the band's top.
 
     Args:
         blocks: Nodes of each block, shape ``(rows + 1, columns + 1, 2)`` [m].
         profile: Exact running surface under which the first block lies.
         stations: Arc length of the columns of the first block [m].
+        first_row: Wanted height of the row under the surface [m].
     """
     shapes = [b.shape[:2] for b in blocks]
     raw = np.vstack([b.reshape(-1, 2) for b in blocks])
@@ -135,6 +136,7 @@ def assembled(blocks: list[Array], profile: Profile, stations: Array) -> Section
     points = smoothed(raw[first], np.vstack(quads))
     s, d = np.full(len(points), np.nan), np.full(len(points), np.nan)
     band = numbers[0][::-1]
+    points[band[1:-1, 1:-1]] = _respaced(points[band], first_row)[1:-1, 1:-1]
     s[band] = stations
     d[band] = np.arange(len(band))[:, None]
     block = np.repeat(np.arange(len(quads)), [len(q) for q in quads])
@@ -173,6 +175,17 @@ def smoothed(points: Array, quads: Index) -> Array:
         )
         x[free] = result.x.reshape(-1, 2)
     return x
+
+
+def _respaced(lines: Array, first: float) -> Array:
+    """Return the nodes of a band moved along its columns until the first row is ``first`` high."""
+    moved = lines.copy()
+    for k in range(lines.shape[1]):
+        t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lines[:, k], axis=0).T))])
+        low = min(first, 0.5 * t[-1])
+        new = low + (t[1:] - t[1]) * (t[-1] - low) / (t[-1] - t[1])
+        moved[1:, k] = np.column_stack([np.interp(new, t, lines[:, k, j]) for j in range(2)])
+    return moved
 
 
 def _distortion(

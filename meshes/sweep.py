@@ -131,7 +131,7 @@ def columns_for(length: float, size: float, levels: int, *, curved: bool = False
         levels: Largest number of refinements.
         curved: Whether the piece is an arc that needs at least 8 edges.
     """
-    edges = max(length / (LEAST * size if curved else 1.1 * size), CURVED_EDGES if curved else 1)
+    edges = max(length / (LEAST * size), CURVED_EDGES if curved else 1)
     choices = []
     for k in range(1, levels + 1):
         columns = int(np.ceil(edges / 3**k - 1e-9))

@@ -105,7 +105,7 @@ def rail_section(size: float, levels: int) -> tuple[Section, int, int]:
         coons(neck, rise, roof, rise * [-1, 1]),
         *_web_and_foot(neck),
     ]
-    return assembled(blocks, head, stations), first, last
+    return assembled(blocks, head, stations, row), first, last
 
 
 def _stations(joints: Array, size: float, levels: int) -> tuple[Array, int, int]:

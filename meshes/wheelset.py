@@ -126,7 +126,7 @@ def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple
     web = _web(wheel)
     row = min(COARSEST, size * 3**levels)
     rim = _rim(profile, stations, web, float(wheel["rim_ir"]), row)
-    return assembled([rim, web, *_hub(wheel, web)], profile, stations), first, last
+    return assembled([rim, web, *_hub(wheel, web)], profile, stations, row), first, last
 
 
 def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, int]:
