@@ -93,6 +93,7 @@ def history(record: Record) -> "Figure | None":
                 t * time_scale, tangential * scale, color=theme.PATCH[2], label="tangential force"
             )
         axes.set(xlabel=f"time [{time_unit}]", ylabel=f"contact force [{unit}]")
+        axes.set_ylim(bottom=0)
         axes.set_title(f"contact pair {name}")
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return fig

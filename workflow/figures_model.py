@@ -56,9 +56,11 @@ def wheel_on_rail(body: Body, yaw: float) -> "Figure":
         body: Mesh.
         yaw: Angle of attack of the wheel [rad].
     """
-    fig = theme.figure(theme.PAGE, 6.6)
-    panels = fig.subplot_mosaic("aa;bc", height_ratios=(1, 1.7), width_ratios=(1, 1.15))
     frame, image = mesh_picture(body, WHOLE, 2800, edges=False)
+    upper, lower = theme.PAGE * min(frame.height / frame.width, 0.4), 3.9
+    fig = theme.figure(theme.PAGE, upper + lower + 0.6)
+    heights, widths = (upper, lower), (1, 1.15)
+    panels = fig.subplot_mosaic("aa;bc", height_ratios=heights, width_ratios=widths)
     frame.show(panels["a"], image)
     theme.letter(panels["a"], "a", f"whole model: {_count(body)}")
     focus, centre = contact_point(body), body.centres

@@ -37,7 +37,7 @@ class Frame:
     height: float
 
     @staticmethod
-    def around(points: Array, direction: tuple[float, float, float], pad: float = 0.02) -> "Frame":
+    def around(points: Array, direction: tuple[float, float, float], pad: float = 0.01) -> "Frame":
         """Return the frame that just holds ``points``, shape ``(n, 3)`` [m].
 
         Args:
@@ -65,7 +65,7 @@ class Frame:
         view = plotter((width, round(width * self.height / self.width)))
         fill(view)
         view.camera.focal_point = self.middle
-        view.camera.position = self.middle + self.toward
+        view.camera.position = self.middle + 20 * (self.width + self.height) * self.toward
         view.camera.up = self.up
         view.camera.parallel_scale = self.height / 2
         view.reset_camera_clipping_range()
