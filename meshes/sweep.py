@@ -98,7 +98,9 @@ def stretched(
     middle = np.linspace(*zone, count + 1)
     left = zone[0] - _growing(zone[0] - start, spacing, growth, largest)[::-1]
     right = zone[1] + _growing(end - zone[1], spacing, growth, largest)
-    return np.concatenate([left, middle, right])
+    stations = np.concatenate([left, middle, right])
+    stations[[0, -1]] = start, end
+    return stations
 
 
 def extrude(section: Section, stations: Array) -> Swept:
@@ -152,7 +154,8 @@ def refine(swept: Swept, zone: Zone, band: Band, place: Place) -> Swept:
         box = {"s": across, "d": (0.0, depth), "x": zone.along(level, 2)}
         swept = cut(swept, D, box, band, place)
         box["x"] = zone.along(level, 1)
-        swept = cut(swept, S, box, band, place, least=LEAST * zone.size)
+        least = LEAST * zone.size if level > 1 else 0.0
+        swept = cut(swept, S, box, band, place, least=least)
         box = {"s": zone.across(level, 1), "d": (0.0, 2 * depth), "x": zone.along(level)}
         swept = cut(swept, X, box, band, place)
     return swept

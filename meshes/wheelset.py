@@ -136,7 +136,7 @@ def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, i
     flank = joints[3] - 3e-3
     inner = float(np.interp(FIELD, profile.points[:, 0], profile.s))
     pieces = [
-        (tip, flank, 2),
+        (tip, flank, 3),
         (flank, joints[4], columns_for(joints[4] - flank, size, levels)),
         (joints[4], joints[6], columns_for(joints[6] - joints[4], size, levels, curved=True)),
         (joints[6], inner, round((inner - joints[6]) / min(COARSEST, size * 3**levels))),
@@ -144,7 +144,7 @@ def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, i
         (joints[8], joints[9], 1),
     ]
     stations = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in pieces])
-    return np.append(stations, joints[9]), 2, sum(n for _, _, n in pieces[:4])
+    return np.append(stations, joints[9]), 3, sum(n for _, _, n in pieces[:4])
 
 
 def _rim(profile: Profile, stations: Array, web: Array, inside: float, row: float) -> Array:
