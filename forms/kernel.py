@@ -43,7 +43,7 @@ class CellKernel:
             raise ValueError(f"form: expected cell integrals only, got {sorted(kinds)}")
         self.coefficients = form.coefficients()
         self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
-        self.constants = fem.pack_constants(self.compiled)
+        self.constants: Any = fem.pack_constants(self.compiled)
 
     def add(self, *arguments: Any) -> None:
         """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.

@@ -66,5 +66,5 @@ def distribute(mesh: HexMesh | None, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     )
     imap = V.dofmap.index_map
     nodes = np.empty(imap.size_local + imap.num_ghosts, dtype=np.int64)
-    nodes[V.dofmap.list] = msh.geometry.input_global_indices[msh.geometry.dofmap]
+    nodes[V.dofmap.list] = msh.geometry.input_global_indices[msh.geometry.dofmaps[0]]
     return Domain(msh, V, regions, mesh, nodes, imap.size_local)

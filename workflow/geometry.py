@@ -13,7 +13,6 @@ from meshes.hexmesh import HexMesh, join
 from meshes.tags import Tag
 from workflow.scene import BarMesh, BlocksMesh, CapMesh, Scene, SceneError, WheelRailMesh
 
-
 PROFILES = {"S1002": "s1002", "54E1": "rail_54e1"}
 
 
@@ -137,9 +136,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     )
     zone = rolling_zone(scene)
     start = mesh.start
-    wheel = wheelset(
-        size=mesh.size, zone=zone, design=mesh.wheel_design, radius=mesh.wheel_radius
-    )
+    wheel = wheelset(size=mesh.size, zone=zone, design=mesh.wheel_design, radius=mesh.wheel_radius)
     track = rail(
         mesh.rail_length,
         -mesh.rail_length / 2 - start,

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel, Field
 
 
-def _number(unit: str, **limits: float) -> Any:
-    return Field(strict=True, allow_inf_nan=False, json_schema_extra={"unit": unit}, **limits)  # type: ignore[arg-type]
+def _number(unit: str, **limits: Any) -> Any:
+    return Field(strict=True, allow_inf_nan=False, json_schema_extra={"unit": unit}, **limits)
 
 
 Length = Annotated[float, _number("m", gt=0)]

@@ -205,12 +205,17 @@ class Track(Section):
 
 
 class Equilibrium(Section):
-    """Static solve before time zero; ``approach`` moves a body into touch as first guess."""
+    """Static solve before time zero; ``approach`` moves a body into touch as first guess.
+
+    ``shift`` then moves the wheelset along its axle, to where the run is to start.
+    """
 
     tolerance: Factor = 1e-6
     max_iterations: Count = 40
     approach: dict[str, tuple[Position, Position, Position]] = {}
     hold: list[Support] = []
+    shift: Position = 0.0
+    shift_increments: Count = 5
 
 
 class Time(Section):
@@ -265,6 +270,8 @@ class Scene(Section):
                 )
             if self.mesh.kind != "wheel-on-rail":
                 raise ValueError(f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail'")
+        if self.equilibrium and self.equilibrium.shift and not self.rolling:
+            raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
         if self.time.output_interval > self.time.end:
             raise ValueError(
                 f"time.output_interval = {self.time.output_interval}: "
@@ -290,9 +297,9 @@ class Scene(Section):
         for key, surface in self._surfaces():
             if surface.lower() not in self.mesh.surfaces:
                 yield f"{key} = {surface!r}: expected one of {list(self.mesh.surfaces)}"
-        for body in self.equilibrium.approach if self.equilibrium else ():
-            if body not in self.bodies:
-                yield f"equilibrium.approach.{body}: expected one of {list(self.bodies)}"
+        for name in self.equilibrium.approach if self.equilibrium else ():
+            if name not in self.bodies:
+                yield f"equilibrium.approach.{name}: expected one of {list(self.bodies)}"
 
     def _surfaces(self) -> Iterator[tuple[str, str]]:
         """Yield the key and value of every surface that this scene names."""
@@ -301,6 +308,7 @@ class Scene(Section):
             if isinstance(contact.target, str):
                 yield f"contacts.{name}.target", contact.target
         hold = self.equilibrium.hold if self.equilibrium else []
+        lists: dict[str, list[Any]]
         lists = {"supports": self.supports, "loads": self.loads, "equilibrium.hold": hold}
         for key, entries in lists.items():
             for i, entry in enumerate(entries):
