@@ -16,13 +16,13 @@ from meshes.hexmesh import join
 from meshes.tags import Tag
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)
-SIDES = np.array([0.5, 0.2, 0.3])
+SIDES = np.array([0.5, 0.2, 0.3])  # of the block [m]
 
 
 @pytest.fixture(scope="module")
 def bar() -> Domain:
     """A distorted block of 0.5 m × 0.2 m × 0.3 m."""
-    box = blocks.block((0, 0, 0), SIDES, cells=(3, 3, 3))
+    box = blocks.block((0, 0, 0), tuple(SIDES), cells=(3, 3, 3))
     return distribute(blocks.distorted(box, seed=4), MPI.COMM_SELF)
 
 
@@ -122,7 +122,7 @@ def test_damping_stress_is_beta_times_the_stress_of_the_velocity(bar, bodies):
 def test_measure_is_limited_to_its_regions():
     """Volumes 0.03 and 2 of two blocks with their own region, by a force of 1 N/m³."""
     other = blocks.block((1, 0, 0), (2, 1, 2), cells=(2, 1, 1), region=Tag.BASE)
-    mesh = join(blocks.block((0, 0, 0), SIDES, cells=(1, 2, 1)), other)
+    mesh = join(blocks.block((0, 0, 0), tuple(SIDES), cells=(1, 2, 1)), other)
     both = distribute(mesh, MPI.COMM_SELF)
     w = ufl.TestFunction(both.V)
     found = []

@@ -15,7 +15,7 @@ from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
 from meshes.tags import Tag
 
-DENSITIES = {(int(Tag.BLOCK),): 7800.0, (int(Tag.BASE),): 2400.0}
+DENSITIES: dict[tuple[int, ...], float] = {(int(Tag.BLOCK),): 7800.0, (int(Tag.BASE),): 2400.0}
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 """The step bound against dense eigenvalues, a closed form and a damped oscillator (row 6)."""
 
 from functools import cache
+from typing import Any
 
 from mpi4py import MPI
 
@@ -26,10 +27,11 @@ def body(mesh: HexMesh, nu: float, ratio: float = 1.0):
     Young's modulus is a cell-wise field and ν a constant, so one compiled form serves all cases.
     """
     domain = distribute(mesh, MPI.COMM_SELF)
-    E = fem.Function(fem.functionspace(domain.msh, ("DG", 0)))
+    E: Any = fem.Function(fem.functionspace(domain.msh, ("DG", 0)))
     random = np.random.default_rng(9)
     E.x.array[:] = 210e9 * ratio ** random.uniform(-1, 0, len(E.x.array))
-    material = Elastic(E, fem.Constant(domain.msh, nu), RHO)
+    poisson: Any = fem.Constant(domain.msh, nu)  # UFL terms do where numbers would
+    material = Elastic(E, poisson, RHO)
     dx = full(domain.msh)
     ones = ufl.as_vector([1.0, 1.0, 1.0])
 

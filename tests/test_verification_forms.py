@@ -173,7 +173,7 @@ def test_row_3_stiffness_damping_does_not_feel_a_rigid_spin(cube, degrees):
     """Turned and spinning at v = V + ω × r: no damping force, ≤ 1e-10 of the scale β E h |v|."""
     x = positions(cube)
     now = x @ rotation(degrees).T
-    v = np.cross([3.0, 50.0, -7.0], now) + [20.0, 1.0, 0.0]
+    v = np.cross([3.0, 50.0, -7.0], now) + np.array([20.0, 1.0, 0.0])
 
     def damped(u, v, w):
         return st_venant_kirchhoff(u, w, STEEL, v)
