@@ -25,7 +25,7 @@ FAMILIES = np.array(
     ]
 )
 CUTS = (1 / 3, 2 / 3)
-SHALLOW, DEEP = 0.4, 0.8  # bounds on the depth of a transition within its cell
+SHALLOW, DEEP = 0.5, 0.8  # bounds on the depth of a transition within its cell
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,12 @@
 import numpy as np
 import pytest
 
+from meshes.axle import Axle
 from meshes.placement import lateral_shift_for, placed
 from meshes.profiles import s1002
 from meshes.quality import quality, volumes
 from meshes.tags import Tag
-from meshes.wheelset import Axle, wheelset
+from meshes.wheelset import wheelset
 
 
 @pytest.fixture(scope="module", params=[8e-3, 4e-3, 2e-3], ids=["8mm", "4mm", "2mm"])
@@ -103,6 +104,7 @@ def test_designs(design):
         ({"design": "E"}, "D_curved_web"),
         ({"zone": (-2.0, 2.0)}, "zone"),
         ({"axle": Axle(outer=0.8)}, "axle"),
+        ({"radius": 0.40}, "radius"),
     ],
 )
 def test_bad_input(change, message):
