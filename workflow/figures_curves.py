@@ -34,7 +34,7 @@ def patch_forces(record: Record) -> "Figure | None":
     for axes, mark, title, label in zip(panels, "abcd", titles, labels, strict=True):
         theme.letter(axes, mark, title)
         axes.set_ylabel(label)
-        axes.set_ylim(bottom=0, top=max(axes.get_ylim()[1], 1e-9))
+        axes.set_ylim(bottom=0, top=1.06 * max(axes.dataLim.y1, 1e-9))
         _mark_birth(axes, contact, scale)
     panels[2].set_ylim(0, 90)
     panels[2].set_yticks(range(0, 91, 15))
@@ -157,7 +157,7 @@ def _normal_forces(axes: "Axes", contact: Contact, scale: float, static: bool) -
     _by_patch(axes, contact, "normal_force", scale, 1e-3)
     vertical = np.nansum([contact.series(k, "vertical_force") for k in (1, 2)], axis=0)
     t = contact.t * scale
-    axes.plot(t, vertical / 1e3, color=theme.INK, lw=0.9, label="vertical force, both patches")
+    axes.plot(t, vertical / 1e3, color=theme.INK, lw=0.9, label="vertical force, sum")
     if static:
         load = vertical[0] / 1e3
         axes.axhline(load, color=theme.FAINT, ls="--", lw=0.9, label="static wheel load")

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Footprints on the rail at successive outputs: seen from the gauge side, and developed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import ConvexHull, cKDTree
 
 from meshes.tags import Tag
 from workflow import theme
-from workflow.figures_view import EDGE, Frame, surface
+from workflow.figures_view import EDGE, Frame, halved, surface
 from workflow.recorded import STEEP, Body, Contact, Patch, Record
 from workflow.theme import Array
 
@@ -63,19 +64,36 @@ def footprints(record: Record) -> "Figure | None":
     """Footprints on the rail: one-point contact blue, two-point contact red."""
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
-    contact = next(iter(record.contacts.values()))
     rail = record.body.part(record.body.regions == Tag.RAIL_HEAD)
+    contact = undeformed(record, rail)
     every = np.vstack([p.position for output in contact.patches for p in output.values()])
-    around = every.min(axis=0)[0] - BEYOND, every.max(axis=0)[0] + BEYOND
-    rail = rail.part((rail.centres[:, 0] > around[0]) & (rail.centres[:, 0] < around[1]))
+    around = every[:, 0].min() - BEYOND, every[:, 0].max() + BEYOND
+    along = rail.points[rail.cells, 0]
+    rail = rail.part((along.max(axis=1) > around[0]) & (along.min(axis=1) < around[1]))
     flat = development(rail, float(np.median(every[:, 0])))
     fig = theme.figure(theme.PAGE, 5.6)
     upper, lower = fig.subplots(2, 1, height_ratios=(1.7, 1))
-    seen(upper, rail, flat, contact)
+    seen(upper, rail, flat, contact, around)
     developed(lower, rail, flat, contact)
     lower.set_xlim(around[0] * MM, around[1] * MM)
     _legend(fig, contact)
     return fig
+
+
+def undeformed(record: Record, rail: Body) -> Contact:
+    """Return the footprints where they lie on the undeformed rail.
+
+    Each node is moved back by the displacement of the rail node next to it.
+    """
+    contact = next(iter(record.contacts.values()))
+    nodes = np.unique(rail.cells)
+    outputs = []
+    for t, patches in zip(contact.t, contact.patches, strict=True):
+        u = record.displacement(t)[nodes]
+        tree = cKDTree(rail.points[nodes] + u)
+        back = {k: p.position - u[tree.query(p.position)[1]] for k, p in patches.items()}
+        outputs.append({k: replace(p, position=back[k]) for k, p in patches.items()})
+    return Contact(contact.t, outputs)
 
 
 def development(head: Body, x: float) -> Development:
@@ -86,13 +104,10 @@ def development(head: Body, x: float) -> Development:
     line: Any = mesh.slice(normal="x", origin=(x, 0, 0)).strip(join=True)
     loop = np.asarray(line.points)[np.asarray(line.get_cell(0).point_ids)][:, 1:]
     loop = loop[:-1] if np.allclose(loop[0], loop[-1]) else loop
-    top = int(np.argmax(loop[:, 1]))
-    loop = np.roll(loop, len(loop) // 2 - top, axis=0)
-    if loop[len(loop) // 2 + 1, 0] < loop[len(loop) // 2, 0]:
-        loop = np.roll(loop[::-1], 1 - len(loop) % 2, axis=0)
-    top = int(np.argmax(loop[:, 1]))
-    points = np.vstack([_down(loop[top::-1])[::-1], _down(loop[top:])[1:]])
-    top = int(np.argmax(points[:, 1]))
+    loop = np.roll(loop, -int(np.argmax(loop[:, 1])), axis=0)
+    one, other = _down(loop), _down(np.roll(loop[::-1], 1, axis=0))
+    gauge, field = (one, other) if one[1, 0] < other[1, 0] else (other, one)
+    points, top = np.vstack([gauge[::-1], field[1:]]), len(gauge) - 1
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     return Development(s - s[top], points)
 
@@ -105,9 +120,12 @@ def _down(points: Array) -> Array:
     return points[: turned[0] + 1] if len(turned) else points
 
 
-def seen(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> None:
+def seen(
+    axes: "Axes", rail: Body, flat: Development, contact: Contact, around: tuple[float, float]
+) -> None:
     """Show the rail head obliquely from the gauge side, footprints and scale on it."""
-    mesh = surface(rail)
+    x = np.array([1.0, 0.0, 0.0])
+    mesh = halved(rail, (around[0] * x, -x), (around[1] * x, x))
     points = np.asarray(mesh.points)
     frame = Frame.around(points[points[:, 2] > flat.points[0, 1]], OBLIQUE, pad=0.03)
 
@@ -117,7 +135,7 @@ def seen(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> None:
         )
         for patches, colour in shown(contact):
             for patch in patches.values():
-                lifted = patch.position + LIFT * patch.normal
+                lifted = flat.on_rail(flat.flat(patch.position), LIFT)
                 view.add_points(
                     lifted, color=colour, point_size=9, render_points_as_spheres=True, ambient=0.5
                 )
@@ -206,8 +224,6 @@ def outline(flat: Array, areas: Array) -> Array:
         flat: Nodes (x, s), shape ``(n, 2)`` [m].
         areas: Tributary areas, shape ``(n,)`` [m2].
     """
-    from scipy.spatial import ConvexHull
-
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     radius = np.sqrt(areas / np.pi)

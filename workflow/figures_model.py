@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The mesh of a run, coloured by region, as a whole and close up."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshes.tags import Tag
 from workflow import theme
-from workflow.figures_view import Frame, mesh_picture
+from workflow.figures_view import Frame, add_regions, halved, mesh_picture
 from workflow.recorded import RAIL, Body, Record
 from workflow.theme import Array
 
@@ -89,14 +89,20 @@ def _contact_zone(axes: "Axes", body: Body, yaw: float, focus: Array) -> None:
     head = body.points[np.unique(body.cells[body.regions == Tag.RAIL_HEAD])]
     tyre = body.points[np.unique(body.cells[body.regions == Tag.TYRE])]
     hub = (tyre.min(axis=0) + tyre.max(axis=0)) / 2
-    centre, ahead = body.centres, np.array([np.cos(yaw), np.sin(yaw), 0.0])
-    rail = np.isin(body.regions, RAIL)
-    behind = np.where(rail, centre[:, 0] < focus[0], (centre - hub) @ ahead < 0)
-    focus = np.array([focus[0], head[:, 1].mean() - CLOSE / 4, focus[2]])
-    near = np.linalg.norm(centre - focus, axis=1) < 8 * CLOSE
-    frame = Frame.around(focus + CLOSE * np.array([[0, -1, -1], [0, 1, 1]]), AHEAD)
-    _, image = mesh_picture(body.part(behind & near), AHEAD, 1800, frame=frame)
-    frame.show(axes, image)
+    rail, ahead = np.isin(body.regions, RAIL), np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    middle = np.array([focus[0], head[:, 1].mean() - CLOSE / 4, focus[2]])
+    near = np.linalg.norm(body.centres - middle, axis=1) < 8 * CLOSE
+    halves = (
+        halved(body.part(rail & near), (focus, np.array([1.0, 0.0, 0.0]))),
+        halved(body.part(~rail & near), (hub, ahead)),
+    )
+    frame = Frame.around(middle + CLOSE * np.array([[0, -1, -1], [0, 1, 1]]), AHEAD)
+
+    def fill(view: Any) -> None:
+        for half in halves:
+            add_regions(view, half)
+
+    frame.show(axes, frame.render(1800, fill))
     theme.letter(axes, "c", f"cut at the contact, {frame.width * 1e3:.0f} mm wide")
 
 

@@ -105,9 +105,31 @@ def volume(cells: npt.NDArray[np.int64], points: Array) -> Any:
 
 def surface(body: Body) -> Any:
     """Return the outer surface as pyvista mesh with cell data ``region``."""
+    return _with_regions(body).extract_surface(algorithm="dataset_surface")
+
+
+def halved(body: Body, *planes: tuple[Array, Array]) -> Any:
+    """Return the surface of what lies behind planes, each cut closed by the sections of its cells.
+
+    Args:
+        body: Mesh.
+        planes: Point and normal of each, the normal away from what is kept; they must not meet
+            inside the mesh.
+    """
+    grid = _with_regions(body)
+    half = surface(body)
+    for origin, normal in planes:
+        half = half.clip(normal=normal, origin=origin)
+    for origin, normal in planes:
+        face = grid.slice(normal=normal, origin=origin, generate_triangles=False)
+        half = half.append_polydata(face)
+    return half
+
+
+def _with_regions(body: Body) -> Any:
     grid = volume(body.cells, body.points)
     grid.cell_data["region"] = body.regions
-    return grid.extract_surface(algorithm="dataset_surface")
+    return grid
 
 
 def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
@@ -126,12 +148,7 @@ def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
 
 
 def mesh_picture(
-    body: Body,
-    direction: tuple[float, float, float],
-    width: int,
-    *,
-    edges: bool = True,
-    frame: Frame | None = None,
+    body: Body, direction: tuple[float, float, float], width: int, *, edges: bool = True
 ) -> tuple[Frame, npt.NDArray[np.uint8]]:
     """Return frame and picture of a mesh coloured by region.
 
@@ -140,8 +157,7 @@ def mesh_picture(
         direction: From where it is seen.
         width: Width of the picture in pixels.
         edges: Draw the edges of the cells.
-        frame: What to show; all of the mesh if None.
     """
     mesh = surface(body)
-    frame = frame or Frame.around(np.asarray(mesh.points), direction)
+    frame = Frame.around(np.asarray(mesh.points), direction)
     return frame, frame.render(width, lambda view: add_regions(view, mesh, edges=edges))
