@@ -10,7 +10,7 @@ from meshes.tags import Tag
 from meshes.wheelset import wheelset
 
 
-@pytest.fixture(scope="module", params=[8e-3, 4e-3, 2e-3], ids=["8mm", "4mm", "2mm"])
+@pytest.fixture(scope="module", params=[8e-3, 4e-3, pytest.param(2e-3, marks=pytest.mark.slow)])
 def mesh(request):
     return request.param, wheelset(size=request.param, zone=(-0.05, 0.1))
 
