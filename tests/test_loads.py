@@ -115,6 +115,18 @@ def test_work_of_the_torque_is_torque_times_angle():
     assert load.work == pytest.approx(500.0 * 4 * np.pi, rel=3e-5)
 
 
+def test_work_of_a_ramped_torque():
+    """Turning evenly while the torque rises to T: W = T φ / 2."""
+    load = drive(500.0, ramp=1.0)
+    state, force = motion(12)
+    centre = load.mass @ load.reference / load.mass.sum()
+    for state.t in np.linspace(0, 1, 201):
+        turned = (load.reference - centre) @ rotation(state.t).T + centre
+        state.u.x.array.reshape(-1, 3)[2:] = turned - load.reference
+        load.add(state, force)
+    assert load.work == pytest.approx(500.0 / 2, rel=3e-5)
+
+
 @pytest.mark.parametrize(("t", "share"), [(0.0, 0.0), (1e-3, 0.25), (4e-3, 1.0), (9e-3, 1.0)])
 def test_torque_is_ramped_linearly(t, share):
     """From nothing to T over 4 ms, and no further."""
