@@ -127,7 +127,7 @@ def seen(
     x = np.array([1.0, 0.0, 0.0])
     mesh = halved(rail, (around[0] * x, -x), (around[1] * x, x))
     points = np.asarray(mesh.points)
-    frame = Frame.around(points[points[:, 2] > flat.points[0, 1]], OBLIQUE, pad=0.03)
+    frame = Frame.around(points[points[:, 2] > flat.points[0, 1] - 0.002], OBLIQUE, pad=0.03)
 
     def fill(view: Any) -> None:
         view.add_mesh(
@@ -137,10 +137,10 @@ def seen(
             for patch in patches.values():
                 lifted = flat.on_rail(flat.flat(patch.position), LIFT)
                 view.add_points(
-                    lifted, color=colour, point_size=9, render_points_as_spheres=True, ambient=0.5
+                    lifted, color=colour, point_size=11, render_points_as_spheres=True, ambient=0.5
                 )
                 ring = flat.on_rail(outline(flat.flat(patch.position), patch.areas), LIFT)
-                view.add_lines(ring, color=colour, width=5, connected=True)
+                view.add_lines(ring, color=colour, width=6, connected=True)
 
     frame.show(axes, frame.render(PIXELS, fill))
     _scale(axes, frame, points, flat)
@@ -187,7 +187,7 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
     axes.set(xlabel="along the rail x [mm]", ylabel="arc length s [mm]")
     axes.set_aspect("equal")
     axes.grid(False)
-    theme.letter(axes, "b", "running surface developed: s from the rail top, gauge side below")
+    theme.letter(axes, "b", "developed surface, s from the rail top, gauge side below")
 
 
 def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], place: int) -> None:
