@@ -7,7 +7,7 @@ contacts and connections; a sparse direct solver solves each step.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,7 +24,8 @@ from workflow.attachments import axle, supports
 from workflow.model import Model, regions
 from workflow.scene import Equilibrium
 
-DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+# petsc4py's stubs know plain lists and take this number for something else
+DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 Array = npt.NDArray[np.float64]
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
@@ -156,10 +157,10 @@ def elastic_stiffness(model: Model) -> PETSc.Mat:
     return K
 
 
-def contact_springs(model: Model) -> tuple[Array, Array, Array]:
+def contact_springs(model: Model) -> Triplets:
     """Springs of all contacts as rows, columns and values of global scalar dofs, on rank 0."""
     number = global_numbers(model)
-    triplets = [(np.zeros(0), np.zeros(0), np.zeros(0))]
+    triplets: list[Triplets] = [(np.zeros(0), np.zeros(0), np.zeros(0))]
     axis = np.arange(3)
     for pair in model.pairs.values():
         i, j, blocks = pair.tangent(model.state)  # collective, the same on all ranks
@@ -186,42 +187,41 @@ class Solver:
         if model.connections is not None:
             own = global_numbers(model)[model.domain.nodes[: model.domain.owned]]
             springs = model.connections.stiffness(own)
-            self.fixed.axpy(1.0, self._matrix(*springs), structure=DIFFERENT)
+            self.fixed.axpy(1.0, self._matrix(springs), structure=DIFFERENT)
         self.ksp: PETSc.KSP | None = None
         self.places: Array = np.zeros(0)
 
-    def _matrix(self, rows: Array, columns: Array, values: Array) -> PETSc.Mat:
-        C = PETSc.Mat().create(self.comm)
+    def _matrix(self, triplets: Triplets) -> PETSc.Mat:
+        rows, columns, values = triplets
+        C: Any = PETSc.Mat().create(self.comm)
         C.setSizes(self.fixed.getSizes())
         C.setType("aij")
         C.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
         C.setValuesCOO(values)
-        return C
+        return cast(PETSc.Mat, C)
 
-    def solve(
-        self, springs: tuple[Array, Array, Array], residual: la.Vector, du: la.Vector
-    ) -> None:
+    def solve(self, springs: Triplets, residual: la.Vector, du: la.Vector) -> None:
         """Solve ``K du = residual`` with the held dofs at rest, into ``du``.
 
         While the touching nodes and facets stay the same the factors are kept: their springs turn
         by less than the error of the elastic tangent at the undeformed shape.
         """
-        rows, columns, values = springs
+        rows, columns, _ = springs
         places = rows * 3 * du.index_map.size_global + columns
         same = self.ksp is not None and np.array_equal(places, self.places)
         if not self.comm.allreduce(same, op=MPI.LAND):
             self.places = places
-            self._factorise(self._matrix(rows, columns, values), 3 * du.index_map.local_range[0])
+            self._factorise(self._matrix(springs), 3 * du.index_map.local_range[0])
         assert self.ksp is not None
         self.ksp.solve(residual.petsc_vec, du.petsc_vec)
-        if self.ksp.getConvergedReason() <= 0:
+        if not self.ksp.is_converged:
             raise RuntimeError(
                 f"equilibrium: linear solve failed with reason {self.ksp.getConvergedReason()}; "
                 "is every body held or in contact?"
             )
 
     def _factorise(self, springs: PETSc.Mat, first: int) -> None:
-        K = self.fixed.copy()
+        K: Any = self.fixed.copy()
         K.axpy(1.0, springs, structure=DIFFERENT)
         K.zeroRowsColumns((self.held + first).astype(PETSc.IntType), diag=K.getDiagonal().max()[1])
         if self.ksp is not None:
