@@ -19,10 +19,10 @@ from workflow.scene import Scene
 pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 
-from workflow import figures
+from workflow import figures, theme
 from workflow.figures_footprint import development
 from workflow.figures_section import cut, telling_output
-from workflow.recorded import RAIL, Record, patches_of
+from workflow.recorded import RAIL, Record, parted, patches_of
 from workflow.running import run
 
 YAW, SPEED, RADIUS = 0.02, 22.2, 0.46
@@ -101,21 +101,20 @@ def rolled(points: np.ndarray, placement, t: float) -> np.ndarray:
     return turned - arm + [SPEED * t, drift, 0.0]
 
 
-def ellipse(profile, s: float, x: float, half: tuple[float, float], load: float) -> dict:
-    """Nodes of an elliptic patch on the rail that carry ``load`` along its normals."""
-    grid = np.arange(-8, 9) * 2e-3
-    dx, ds = (a.ravel() for a in np.meshgrid(grid, grid))
-    share = 1 - (dx / half[0]) ** 2 - (ds / half[1]) ** 2
-    dx, ds, share = (a[share > 0.02] for a in (dx, ds, share))
-    y, z = profile.at(s + ds).T
-    normal = np.column_stack([np.zeros(len(ds)), profile.normal(s + ds)])
+def ellipse(surface: dict, profile, s: float, x: float, half: tuple, load: float) -> dict:
+    """Surface nodes of the rail in an ellipse that carry ``load`` along its normals."""
+    share = 1 - ((surface["x"] - x) / half[0]) ** 2 - ((surface["s"] - s) / half[1]) ** 2
+    inside = share > 0.02
+    at, share = surface["s"][inside], share[inside]
+    normal = np.column_stack([np.zeros(len(at)), profile.normal(at)])
     force = load * np.sqrt(share) / np.sqrt(share).sum()
     return {
-        "position": np.column_stack([x + dx, y, z]),
+        "node": surface["node"][inside],
+        "position": np.column_stack([surface["x"][inside], profile.at(at)]),
         "normal": normal,
         "normal_force": force,
         "tangential_force": 0.3 * force[:, None] * np.cross([1.0, 0, 0], normal),
-        "area": np.full(len(ds), 4e-6),
+        "area": np.full(len(at), 9e-6),
     }
 
 
@@ -126,26 +125,19 @@ def loads(k: int) -> list[float]:
     return [60e3 - 2e3 * (k - BIRTH + 1), 6e3 * (k - BIRTH + 1)]
 
 
-def footprint(profile, placement, k: int) -> dict:
+def footprint(surface: dict, profile, placement, k: int) -> dict:
     """Arrays of one output as a run writes them."""
     x = SPEED * TIMES[k]
     lead = RADIUS * np.tan(placement.flange_angle) * np.sin(YAW)
-    sizes = [(7e-3, 6e-3), (6e-3, 4e-3)]
+    sizes = [(8e-3, 7e-3), (8e-3, 5e-3)]
     places = [(placement.tread_rail_s, x), (placement.flange_rail_s, x + lead)]
     parts = [
-        ellipse(profile, *place, size, load)
+        ellipse(surface, profile, *place, size, load)
         for place, size, load in zip(places, sizes, loads(k), strict=False)
     ]
     arrays = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    n = len(arrays["area"])
     label = np.repeat(np.arange(len(parts)), [len(p["area"]) for p in parts])
-    slip = np.zeros((n, 3))
-    return arrays | {
-        "node": np.arange(n),
-        "patch": label,
-        "stick": label == 0,
-        "slip_velocity": slip,
-    }
+    return arrays | {"patch": label, "stick": label == 0, "slip_velocity": arrays["normal"]}
 
 
 @pytest.fixture(scope="session")
@@ -156,6 +148,10 @@ def transition(tmp_path_factory) -> Path:
     rail = rail_mesh(profile, 3e-3)
     mesh = join(wheel_mesh(placement, 4e-3), rail)
     wheel = len(mesh.points) - len(rail.points)
+    across = round(profile.length / 3e-3)
+    node = np.arange(len(mesh.points) - len(rail.points) // 4, len(mesh.points))
+    s = np.tile(np.linspace(0, profile.length, across), len(node) // across)
+    surface = {"node": node, "x": mesh.points[node, 0], "s": s}
     scene = Scene.load("flange-transition").tables()
     (folder / "scene.toml").write_text(tomli_w.dumps(scene), "utf-8")
     writer = FieldWriter(folder / "fields.vtkhdf", mesh)
@@ -166,7 +162,7 @@ def transition(tmp_path_factory) -> Path:
             writer.append(t, u, u)
             group = file.create_group(f"contact/wheel_rail/{k}")
             group.attrs["t"] = t
-            for name, values in footprint(profile, placement, k).items():
+            for name, values in footprint(surface, profile, placement, k).items():
                 group.create_dataset(name, data=values).attrs["units"] = CONTACT_UNITS[name]
         turn = 2 * np.pi * TIMES / TIMES[-1]
         ledger = {
@@ -239,6 +235,18 @@ def test_patch_number_comes_from_steepness(fragments):
     ) == {2}
 
 
+@pytest.mark.parametrize(("bridge", "patches"), [(0.5, 2), (1.9, 1)])
+def test_weak_bridge_does_not_join_two_peaks(bridge, patches):
+    """Peaks 5 and 3 in a row of nodes: apart below a third of the lower one, else together."""
+    pressure = np.array([2.0, 5.0, 4.0, bridge, 2.0, 3.0, 2.0])
+    beside = [{k - 1, k + 1} & set(range(7)) for k in range(7)]
+    patch = parted(pressure, beside)
+    assert len(set(patch)) == patches
+    assert len(set(patch[:3])) == 1 and len(set(patch[4:])) == 1
+    alone = parted(pressure, [set()] * 7)
+    assert len(set(alone)) == 7
+
+
 def test_developed_surface_is_the_profile(transition):
     """Arc length over the rail top as on the drawing, there and back to round-off."""
     record, profile = Record(transition), rail_in_track()
@@ -270,3 +278,18 @@ def test_small_scenes_have_what_they_have(tmp_path):
     paths = figures.draw(hit.folder)
     assert [p.stem for p in paths] == ["energy", "history"]
     assert all(not_blank(p) for p in paths)
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        ([0.0], (1.0, "N")),
+        ([-2.5e4, 3], (1e-3, "kN")),
+        ([2e-6, np.nan], (1e6, "µN")),
+        ([1e3], (1e-3, "kN")),
+    ],
+)
+def test_prefix_suits_the_largest_value(values, shown):
+    """The largest number reads as 1 to 1000; what is not finite does not count."""
+    factor, unit = theme.prefixed(values, "N")
+    assert factor == pytest.approx(shown[0]) and unit == shown[1]

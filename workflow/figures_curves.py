@@ -184,7 +184,7 @@ def _error(axes: "Axes", t: Array, error: Sequence[float] | Array) -> None:
     percent = 100 * np.asarray(error)
     axes.plot(t, percent, color=theme.INK)
     axes.axhline(0, color=theme.FAINT, lw=0.6)
-    reach = max(1.2 * float(np.max(np.abs(percent))), 1e-12)
+    reach = max(1.2 * float(np.nanmax(np.abs(percent))), 1e-12)
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("error [%]")
     theme.letter(axes, "b", "balance error of the exchanged energy")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MM = 1e3
 OBLIQUE = (-0.55, -1.0, 0.85)  # from where the rail is seen
 LIFT = 3e-4  # of the outlines off the rail [m]
-OUTLINES = 40  # most footprints that are outlined; the trails have all
+STRIDE = 6e-3  # least way between footprints that are outlined; the trails have all [m]
 BEYOND = 0.012  # rail shown beyond the footprints [m]
 PIXELS = 2400  # width of the picture
 
@@ -139,7 +139,10 @@ def seen(
                 view.add_points(
                     lifted, color=colour, point_size=11, render_points_as_spheres=True, ambient=0.5
                 )
-                ring = flat.on_rail(outline(flat.flat(patch.position), patch.areas), LIFT)
+                ring = outline(flat.flat(patch.position), patch.areas)
+                at = np.linspace(0, len(ring) - 1, 20 * len(ring))  # close to the curved surface
+                ring = np.column_stack([np.interp(at, np.arange(len(ring)), c) for c in ring.T])
+                ring = flat.on_rail(ring, LIFT)
                 view.add_lines(ring, color=colour, width=6, connected=True)
 
     frame.show(axes, frame.render(PIXELS, fill))
@@ -202,7 +205,7 @@ def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], pla
         edge, up, side = (s.max(), 4, "bottom") if place == 1 else (s.min(), -4, "top")
         axes.annotate(
             f"{t * 1e3:.2f} ms", (centres[k, 0], edge), (0, up), textcoords="offset points",
-            ha="center", va=side, fontsize=6.5,
+            ha="right" if k == 0 else "left", va=side, fontsize=6.5,
         )  # fmt: skip
 
 
@@ -210,11 +213,19 @@ _BEND: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 6, "color": 
 
 
 def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
-    """Return patches and colour of the outputs that are outlined, both ends and births among."""
-    outputs = _outputs(contact)
-    keep = np.unique(np.linspace(0, len(outputs) - 1, min(len(outputs), OUTLINES)).round())
-    colours = {1: theme.ONE_POINT, 2: theme.TWO_POINT}
-    return [(outputs[int(k)][1], colours[len(outputs[int(k)][1])]) for k in keep]
+    """Return patches and colour of the outputs that are outlined.
+
+    Those are the first, the last, births, and so many between that outlines do not pile up.
+    """
+    outputs = [patches for _, patches in _outputs(contact)]
+    kept, before, x = [], -1, -np.inf
+    for k, patches in enumerate(outputs):
+        first = next(iter(patches.values()))
+        ahead, length = first.centre[0] - x, np.ptp(first.position[:, 0])
+        if ahead >= max(length / 2, STRIDE) or len(patches) != before or k == len(outputs) - 1:
+            kept.append((patches, (theme.ONE_POINT, theme.TWO_POINT)[len(patches) - 1]))
+            before, x = len(patches), first.centre[0]
+    return kept
 
 
 def outline(flat: Array, areas: Array) -> Array:

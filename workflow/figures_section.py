@@ -32,12 +32,12 @@ def cross_section(record: Record) -> "Figure | None":
     fig = theme.figure(theme.PAGE, 2.9)
     panels = np.atleast_1d(fig.subplots(1, 1 + len(patches)))
     first = next(iter(patches.values()))
-    section(panels[0], record.body, points, first.centre[0])
+    section(panels[0], record.body, points, row(first))
     overview(panels[0], patches)
-    theme.letter(panels[0], "a", f"t = {t * 1e3:.2f} ms, cut at x = {first.centre[0] * MM:.1f} mm")
+    theme.letter(panels[0], "a", f"t = {t * 1e3:.2f} ms, cut at x = {row(first) * MM:.1f} mm")
     panels[0].set_ylabel("height z [mm]")
     for (place, patch), axes, mark in zip(patches.items(), panels[1:], "bc", strict=False):
-        section(axes, record.body, points, patch.centre[0])
+        section(axes, record.body, points, row(patch))
         close_up(axes, patch, place, mark)
     _legend(fig)
     return fig
@@ -101,7 +101,7 @@ def overview(axes: "Axes", patches: dict[int, Patch]) -> None:
 
 def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
     """Mark contact nodes, normal and contact angle of a patch on its section."""
-    x, y, z = patch.centre * MM
+    x, (y, z) = row(patch) * MM, patch.centre[1:] * MM
     half = window(patch)
     axes.set(xlim=(y - half, y + half), ylim=(z - half, z + half))
     colour, at = theme.PATCH[place], patch.position[:, 1:] * MM
@@ -120,10 +120,16 @@ def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
     theme.letter(axes, mark, f"patch {place}, cut at x = {x:.1f} mm")
 
 
+def row(patch: Patch) -> float:
+    """Return the position x of the row of nodes next to the centre of a patch [m]."""
+    x = patch.position[:, 0]
+    return float(x[np.argmin(np.abs(x - patch.centre[0]))])
+
+
 def in_plane(patch: Patch) -> npt.NDArray[np.bool_]:
-    """Tell which nodes lie within half a cell of the plane through the patch's centre."""
+    """Tell which nodes lie within half a cell of the plane of the section."""
     half_cell = np.sqrt(np.median(patch.areas)) / 2
-    return np.asarray(np.abs(patch.position[:, 0] - patch.centre[0]) <= half_cell)
+    return np.asarray(np.abs(patch.position[:, 0] - row(patch)) <= half_cell)
 
 
 def window(patch: Patch) -> float:

@@ -16,6 +16,7 @@ from meshes.tags import Tag
 Array = npt.NDArray[np.float64]
 
 RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
+BRIDGE = 1 / 3  # of the lower of two peaks of pressure: weaker nodes do not join them
 STEEP = 45.0  # contact angle from which on a patch counts as gauge corner [degrees]
 
 
@@ -144,7 +145,7 @@ class Record:
     def contacts(self) -> dict[str, Contact]:
         """Footprints of each pair that touched at all, by name."""
         with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
-            found = {name: _contact(group) for name, group in file["contact"].items()}
+            found = {name: _contact(group, self.body) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
 
     @cached_property
@@ -161,9 +162,10 @@ class Record:
         """Return the displacement at the output nearest to time ``t``, shape ``(n, 3)`` [m]."""
         with h5py.File(self._fields, "r", locking=False) as file:
             root = file["VTKHDF"]
-            n, times = len(root["Points"]), root["Steps/Values"][:]
-            if not len(times):
+            n = len(root["Points"])
+            if "Steps" not in root or not len(root["Steps/Values"]):
                 return np.zeros((n, 3))
+            times = root["Steps/Values"][:]
             k = int(np.argmin(np.abs(times - t)))
             return np.asarray(root["PointData/displacement"][k * n : (k + 1) * n], dtype=np.float64)
 
@@ -172,19 +174,26 @@ class Record:
         return self.folder / "fields.vtkhdf"
 
 
-def _contact(group: Any) -> Contact:
+def _contact(group: Any, body: Body | None) -> Contact:
     outputs = [group[k] for k in sorted(group, key=int)]
-    return Contact(np.array([k.attrs["t"] for k in outputs]), [patches_of(k) for k in outputs])
+    cells = None
+    if body is not None and outputs:
+        touched = np.zeros(len(body.points), dtype=bool)
+        touched[np.concatenate([k["node"][:] for k in outputs])] = True
+        cells = body.cells[touched[body.cells].sum(axis=1) > 1]
+    t = np.array([k.attrs["t"] for k in outputs])
+    return Contact(t, [patches_of(k, cells) for k in outputs])
 
 
-def patches_of(arrays: Any) -> dict[int, Patch]:
+def patches_of(arrays: Any, cells: npt.NDArray[np.int64] | None = None) -> dict[int, Patch]:
     """Return the patches of a footprint by place: 1 rail top, 2 gauge corner.
 
-    Connected patches less steep than 45 degrees count as rail top together, the others as gauge
-    corner, so a patch keeps its number from output to output.
+    Connected patches are parted at weak bridges. What is then less steep than 45 degrees counts as
+    rail top together, the rest as gauge corner, so a patch keeps its number through all outputs.
 
     Args:
         arrays: Per-node arrays by name, as in ``results.h5``.
+        cells: Hexahedra at the contact, to find bridges in, ``(c, 8)``; none are parted if None.
     """
     touching = arrays["normal_force"][:] > 0
     names = ("position", "normal", "normal_force", "tangential_force", "area")
@@ -194,6 +203,8 @@ def patches_of(arrays: Any) -> dict[int, Patch]:
     if normal[:, 2].sum() < 0:  # the target is the upper body: look at it the other way round
         normal, traction = -normal, -traction
     label = arrays["patch"][:][touching]
+    if cells is not None:
+        label = parted(pressing / areas, neighbours(arrays["node"][:][touching], cells))
     place = np.zeros(len(label), dtype=int)
     for k in np.unique(label):
         part = Patch(*(a[label == k] for a in (position, normal, pressing, traction, areas)))
@@ -202,3 +213,34 @@ def patches_of(arrays: Any) -> dict[int, Patch]:
         int(k): Patch(*(a[place == k] for a in (position, normal, pressing, traction, areas)))
         for k in np.unique(place)
     }
+
+
+def neighbours(nodes: npt.NDArray[np.int64], cells: npt.NDArray[np.int64]) -> list[set[int]]:
+    """Return which of ``nodes`` share a cell with each, by their place in ``nodes``."""
+    place = {int(node): k for k, node in enumerate(nodes)}
+    found: list[set[int]] = [set() for _ in nodes]
+    for cell in cells.tolist():
+        together = {place[node] for node in cell if node in place}
+        for k in together:
+            found[k] |= together - {k}
+    return found
+
+
+def parted(pressure: Array, beside: list[set[int]]) -> npt.NDArray[np.int64]:
+    """Return the patch of each node: one for each peak of pressure that stands out.
+
+    Two peaks that touch belong to one patch if the pressure between them stays above BRIDGE times
+    the lower peak. A few weak nodes between rail top and gauge corner do not make them one.
+
+    Args:
+        pressure: Of each node, shape ``(n,)`` [Pa].
+        beside: Neighbours of each node.
+    """
+    patch = np.full(len(pressure), -1, dtype=np.int64)
+    for node in np.argsort(-pressure, kind="stable"):
+        around = sorted({int(patch[k]) for k in beside[node]} - {-1}, key=lambda k: -pressure[k])
+        patch[node] = around[0] if around else node  # a patch is named after its peak
+        for lower in around[1:]:
+            if pressure[node] > BRIDGE * pressure[lower]:
+                patch[patch == lower] = around[0]
+    return patch

@@ -121,7 +121,8 @@ def prefixed(values: npt.ArrayLike, unit: str) -> tuple[float, str]:
         values: Values in the SI unit.
         unit: The SI unit, e.g. ``"N"``.
     """
-    size = float(np.max(np.abs(np.asarray(values, dtype=np.float64)), initial=0.0))
+    numbers = np.abs(np.asarray(values, dtype=np.float64))
+    size = float(np.max(numbers[np.isfinite(numbers)], initial=0.0))
     prefixes = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
     power = 0 if size == 0 else int(np.clip(3 * np.floor(np.log10(size * 1.001) / 3), -9, 9))
     return 10.0**-power, prefixes[power] + unit
