@@ -21,8 +21,9 @@ from dolfinx.fem.petsc import assemble_matrix
 from forms.elasticity import RESIDUALS, full
 from forms.kernel import JIT_OPTIONS
 from workflow.attachments import axle, supports
+from workflow.guards import GuardError
 from workflow.model import Model, regions
-from workflow.scene import Equilibrium
+from workflow.scene import Equilibrium, SceneError
 
 # petsc4py's stubs know plain lists and take this number for something else
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -46,7 +47,7 @@ def equilibrium(
         log: Called with a line per iteration.
 
     Raises:
-        RuntimeError: if it has not converged.
+        GuardError: if it has not converged.
     """
     for body, approach in settings.approach.items():
         move(model, body, np.array(approach))
@@ -93,12 +94,14 @@ def newton(
         log(f"equilibrium {iteration}: residual {size:.2e}, {active} contact nodes")
         if size <= settings.tolerance:
             return iteration
+        if not np.isfinite(size):
+            break
         solver.solve(contact_springs(model), residual, du)
         state.u.x.array[:n] += du.array[:n]
         state.u.x.scatter_forward()
-    raise RuntimeError(
-        f"equilibrium: residual {size:.1e} of the load after {settings.max_iterations} "
-        f"iterations, expected {settings.tolerance:.0e}; try another equilibrium.approach"
+    raise GuardError(
+        f"equilibrium: residual {size:.1e} of the load after {iteration} iterations, expected "
+        f"{settings.tolerance:.0e}; try another equilibrium.approach or more equilibrium.hold"
     )
 
 
@@ -125,6 +128,8 @@ def load_size(model: Model, extra: Array) -> float:
     if model.connections is not None:
         masses = model.connections.masses
         square += float(((masses.mass[:, None] * masses.gravity) ** 2).sum())
+    if square == 0:
+        raise SceneError("equilibrium: expected a load (gravity, loads) to bring to rest, got none")
     return float(np.sqrt(square))
 
 
@@ -215,7 +220,7 @@ class Solver:
         assert self.ksp is not None
         self.ksp.solve(residual.petsc_vec, du.petsc_vec)
         if not self.ksp.is_converged:
-            raise RuntimeError(
+            raise GuardError(
                 f"equilibrium: linear solve failed with reason {self.ksp.getConvergedReason()}; "
                 "is every body held or in contact?"
             )

@@ -10,7 +10,7 @@ from dolfinx import la
 
 from forms.elasticity import full
 from forms.kernel import CellKernel
-from workflow.attachments import axle
+from workflow.attachments import axle, drive
 from workflow.model import Model, regions
 
 Array = npt.NDArray[np.float64]
@@ -52,7 +52,7 @@ def centrifugal(model: Model) -> Array:
 
 
 def start(model: Model) -> None:
-    """Set the velocities at time zero, in place.
+    """Set the velocities at time zero and the drive torque, in place.
 
     With ``steady_start`` the deformation at rest is taken to travel with the contact: a wheel node
     at ``x = c + χ + w(χ)`` has the velocity ``V + ω × χ + ∇w (ω × χ)``, and the rail's pattern
@@ -70,6 +70,9 @@ def start(model: Model) -> None:
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
     state.v.x.scatter_forward()
+    if rolling.traction_coefficient > 0:
+        load = sum(pair.normal_resultant[2] for pair in model.pairs.values())
+        model.drive = drive(model, load, model.placement.rolling_radius)
 
 
 def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
