@@ -12,7 +12,8 @@ from forms.connections import Connections, Mean, PointMasses, Spread
 from forms.loads import DriveTorque, MassDamping, nodal_traction
 from meshes.domain import Domain
 from meshes.tags import tag
-from workflow.scene import Contact, RigidWall, Scene, SceneError, Support
+from workflow.scene import Scene, SceneError
+from workflow.sections import Contact, RigidWall, Support
 
 if TYPE_CHECKING:
     from workflow.model import Model

@@ -23,7 +23,8 @@ from forms.kernel import JIT_OPTIONS
 from workflow.attachments import axle, supports
 from workflow.guards import GuardError
 from workflow.model import Model, regions
-from workflow.scene import Equilibrium, SceneError
+from workflow.scene import SceneError
+from workflow.sections import Equilibrium
 
 # petsc4py's stubs know plain lists and take this number for something else
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN

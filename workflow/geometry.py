@@ -11,7 +11,8 @@ import numpy as np
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
 from meshes.tags import Tag
-from workflow.scene import BarMesh, BlocksMesh, CapMesh, Scene, SceneError, WheelRailMesh
+from workflow.scene import Scene, SceneError
+from workflow.sections import BarMesh, BlocksMesh, CapMesh, WheelRailMesh
 
 PROFILES = {"S1002": "s1002", "54E1": "rail_54e1"}
 

@@ -23,7 +23,8 @@ from meshes.tags import tag
 from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
 from workflow.clock import Clock
 from workflow.geometry import domain_of
-from workflow.scene import Body, Scene
+from workflow.scene import Scene
+from workflow.sections import Body
 from workflow.stepping import State
 
 if TYPE_CHECKING:

@@ -76,8 +76,17 @@ class Results:
     def summarise(self, summary: Mapping[str, Any]) -> None:
         """Write ``summary.json``."""
         if self.comm.rank == 0:
-            text = json.dumps(summary, indent=2, default=float)
+            text = json.dumps(strict(summary), indent=2, default=float)
             (self.folder / "summary.json").write_text(text + "\n", "utf-8")
+
+
+def strict(value: Any) -> Any:
+    """Return the value with ``None`` for every number that JSON cannot hold (NaN, infinity)."""
+    if isinstance(value, Mapping):
+        return {key: strict(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [strict(entry) for entry in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 CONTACT_UNITS = {

@@ -5,238 +5,33 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from workflow.quantities import (
-    Acceleration,
-    Angle,
-    Component,
-    Count,
-    Damping,
-    Delay,
-    Density,
-    Direction,
-    Duration,
-    Factor,
-    Friction,
-    Growth,
-    Length,
-    Mass,
-    Modulus,
-    Position,
-    Rate,
-    Ratio,
-    Share,
-    Slope,
-    Speed,
-    Step,
-    Stiffness,
-    Stress,
-    explain,
+from workflow.quantities import Acceleration, explain
+from workflow.sections import (
+    BarMesh,
+    BlocksMesh,
+    Body,
+    CapMesh,
+    Contact,
+    Equilibrium,
+    Guards,
+    Load,
+    Output,
+    Rolling,
+    Section,
+    Support,
+    Time,
+    Track,
+    Vehicle,
+    WheelRailMesh,
 )
 
 
 class SceneError(ValueError):
     """A scene that cannot be run: the message names the key, what it got and what it expects."""
-
-
-class Section(BaseModel):
-    """A table of a scene; unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
-
-
-class BarMesh(Section):
-    """A straight bar along x, one end at x = 0."""
-
-    regions: ClassVar = ("bar",)
-    surfaces: ClassVar = (*SIDES, "zmin")
-
-    kind: Literal["bar"]
-    length: Length
-    width: Length
-    size: Length
-
-
-class BlocksMesh(Section):
-    """A block lying on a base with a mesh that does not match."""
-
-    regions: ClassVar = ("block", "base")
-    surfaces: ClassVar = (*SIDES, "block_bottom", "base_bottom", "base_top")
-
-    kind: Literal["block-on-base"]
-    size: Length
-    base_size: Length
-    block: tuple[Length, Length, Length]
-    base: tuple[Length, Length, Length]
-
-
-class CapMesh(Section):
-    """A quarter of a spherical cap on a quarter of a flat block, graded to the contact."""
-
-    regions: ClassVar = ("sphere", "base")
-    surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
-
-    kind: Literal["cap-on-block"]
-    radius: Length
-    extent: Length
-    size: Length
-    growth: Growth = 1.2
-
-
-class WheelRailMesh(Section):
-    """A wheelset half on a rail in the track position, fine where it will roll."""
-
-    regions: ClassVar = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
-    surfaces: ClassVar = (
-        *("tread", "axle_inner", "axle_outer", "journal"),
-        *("railhead", "foot_underside", "rail_ends"),
-    )
-
-    kind: Literal["wheel-on-rail"]
-    size: Length
-    wheel_profile: str = "S1002"
-    rail_profile: str = "54E1"
-    wheel_design: str = "D_curved_web"
-    wheel_radius: Length = 0.46
-    inclination: Slope = 1 / 40
-    gauge: Length = 1.435
-    rail_length: Length = 10.0
-    start: Position = 0.3
-    flange_gap: Length = 3e-4
-    margin: Length = 0.03
-
-
-class Material(Section):
-    """Isotropic elastic material."""
-
-    youngs_modulus: Modulus
-    poisson_ratio: Ratio
-    density: Density
-
-
-class Body(Section):
-    """Regions of the mesh that share a material and kinematics."""
-
-    regions: list[str] = Field(min_length=1)
-    material: Material
-    kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
-    stiffness_damping: Delay = 0.0
-    mass_damping: Rate = 0.0
-    velocity: tuple[Speed, Speed, Speed] | None = None
-
-
-class RigidWall(Section):
-    """A rigid plane as target."""
-
-    origin: tuple[Position, Position, Position]
-    normal: tuple[Component, Component, Component]
-    half_width: Length
-
-
-class Contact(Section):
-    """Contactor nodes against target facets."""
-
-    contactor: str
-    target: str | RigidWall
-    friction: Friction = 0.0
-    penalty: Factor = 0.2
-    damping: Share = 0.0
-    stick_tolerance: Share = 0.05
-
-
-class Support(Section):
-    """A surface held in some directions; ``axle`` is the axis of the yawed wheelset."""
-
-    surface: str
-    directions: list[Direction] = Field(min_length=1)
-
-
-class Load(Section):
-    """A dead traction on a surface."""
-
-    surface: str
-    traction: tuple[Stress, Stress, Stress]
-
-
-class Rolling(Section):
-    """Start of rolling: travel, spin and drive of the wheelset."""
-
-    body: str
-    driven_region: str
-    speed: Speed
-    angle_of_attack: Angle = 0.0
-    travel_angle: Angle | None = None
-    traction_coefficient: Share = 0.0
-    torque_ramp: Delay = 0.0
-    steady_start: bool = True
-
-    @property
-    def travel(self) -> float:
-        """Direction of travel against the rail [rad]; the wheel's own plane unless given."""
-        return self.angle_of_attack if self.travel_angle is None else self.travel_angle
-
-
-class Vehicle(Section):
-    """Sprung mass on the vertical primary suspension of one axle box."""
-
-    journal: str
-    sprung_mass: Mass
-    suspension_stiffness: Stiffness
-    suspension_damping: Damping
-
-
-class Track(Section):
-    """Pads, sleepers and ballast under the rail; pads as (longitudinal, lateral, vertical)."""
-
-    seat: str
-    sleeper_spacing: Length
-    seat_length: Length
-    sleeper_mass: Mass
-    pad_stiffness: tuple[Stiffness, Stiffness, Stiffness]
-    pad_damping: tuple[Damping, Damping, Damping]
-    ballast_stiffness: Stiffness
-    ballast_damping: Damping
-
-
-class Equilibrium(Section):
-    """Static solve before time zero; ``approach`` moves a body into touch as first guess.
-
-    ``shift`` then moves the wheelset along its axle, to where the run is to start.
-    """
-
-    tolerance: Factor = 1e-6
-    max_iterations: Count = 40
-    approach: dict[str, tuple[Position, Position, Position]] = {}
-    hold: list[Support] = []
-    shift: Position = 0.0
-    shift_increments: Count = 5
-
-
-class Time(Section):
-    """Duration, outputs and step of a run."""
-
-    end: Duration
-    output_interval: Duration
-    safety: Step = 0.9
-
-
-class Guards(Section):
-    """When a run is stopped."""
-
-    energy_error: Factor = 0.05
-    check_interval: Count = 50
-
-
-class Output(Section):
-    """What a run leaves besides its history."""
-
-    fields: bool = True
 
 
 class Scene(Section):
@@ -248,9 +43,9 @@ class Scene(Section):
     mesh: Annotated[BarMesh | BlocksMesh | CapMesh | WheelRailMesh, Field(discriminator="kind")]
     bodies: dict[str, Body] = Field(min_length=1)
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
-    contacts: dict[str, Contact] = {}
-    supports: list[Support] = []
-    loads: list[Load] = []
+    contacts: dict[str, Contact] = Field(default_factory=dict)
+    supports: list[Support] = Field(default_factory=list)
+    loads: list[Load] = Field(default_factory=list)
     rolling: Rolling | None = None
     vehicle: Vehicle | None = None
     track: Track | None = None
