@@ -26,13 +26,24 @@ def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[
     if comm.rank == 0:
         try:
             mesh, placement = mesh_of(scene)
-            log(f"mesh: {len(mesh.cells)} cells, {len(mesh.points)} nodes")
+            log(f"mesh: {shape_of(mesh)}")
         except (ValueError, OSError) as caught:
             error = SceneError(str(caught))
     error = comm.bcast(error)
     if error is not None:
         raise error
     return distribute(mesh, comm), comm.bcast(placement)
+
+
+def shape_of(mesh: HexMesh) -> str:
+    """Return the size of a mesh and the shape of its cells in words, for the log."""
+    from meshes.quality import quality
+
+    q = quality(mesh)
+    return (
+        f"{q.cells} cells, {q.nodes} nodes, edges {q.shortest * 1e3:.2f} to "
+        f"{q.longest * 1e3:.3g} mm, smallest scaled Jacobian {q.scaled_jacobian:.2f}"
+    )
 
 
 def mesh_of(scene: Scene) -> tuple[HexMesh, Any]:
@@ -116,12 +127,17 @@ def profile(key: str, name: str) -> Any:
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
 
 
-def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
-    """Return wheelset and rail in the track position, the flange just short of the gauge corner."""
-    from meshes import placement
-    from meshes.track import rail
-    from meshes.wheelset import wheelset
+def placement_of(scene: Scene) -> Any:
+    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
 
+    Raises:
+        SceneError: if a profile cannot be used.
+        ValueError: if no lateral position leaves the flange gap of the scene.
+    """
+    from meshes import placement
+
+    mesh = scene.mesh
+    assert isinstance(mesh, WheelRailMesh)
     for key in ("wheel_profile", "rail_profile"):
         name = getattr(mesh, key)
         outline = profile(f"mesh.{key}", name)
@@ -130,11 +146,21 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
                 f"mesh.{key} = {name!r}: a profile of {outline.length * 1e3:.0f} mm, but only "
                 f"{', '.join(PROFILES)} can be meshed so far"
             )
-    in_track = placement.rail_in_track(inclination=mesh.inclination, gauge=mesh.gauge)
-    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
-    position = placement.lateral_shift_for(
-        rail=in_track, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
+    return placement.lateral_shift_for(
+        rail=placement.rail_in_track(inclination=mesh.inclination, gauge=mesh.gauge),
+        flange_gap=mesh.flange_gap,
+        radius=mesh.wheel_radius,
+        yaw=scene.rolling.angle_of_attack if scene.rolling else 0.0,
     )
+
+
+def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
+    """Return wheelset and rail in the track position, and the placement of the wheel."""
+    from meshes.placement import placed
+    from meshes.track import rail
+    from meshes.wheelset import wheelset
+
+    position = placement_of(scene)
     zone = rolling_zone(scene)
     start = mesh.start
     wheel = wheelset(size=mesh.size, zone=zone, design=mesh.wheel_design, radius=mesh.wheel_radius)
@@ -146,4 +172,4 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         inclination=mesh.inclination,
         gauge=mesh.gauge,
     )
-    return join(placement.placed(wheel, position), track), position
+    return join(placed(wheel, position), track), position
