@@ -188,9 +188,9 @@ def not_blank(path: Path) -> bool:
 
 
 def test_transition_has_all_figures(transition):
-    """Model, footprints, section, patch forces and energy, none of them blank."""
+    """Model, placement, footprints, section, patch forces and energy, none of them blank."""
     paths = figures.draw(transition)
-    names = ["model", "footprints", "cross_section", "patch_forces", "energy"]
+    names = ["model", "placement", "footprints", "cross_section", "patch_forces", "energy"]
     assert [p.name for p in paths] == [f"{n}.png" for n in names]
     assert all(p.parent == transition / "figures" and not_blank(p) for p in paths)
 

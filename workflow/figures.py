@@ -13,6 +13,7 @@ from workflow import theme
 from workflow.figures_curves import energy, history, patch_forces, pressure
 from workflow.figures_footprint import footprints
 from workflow.figures_model import model
+from workflow.figures_placement import placement
 from workflow.figures_section import cross_section
 from workflow.recorded import Record
 
@@ -27,11 +28,13 @@ __all__ = [
     "history",
     "model",
     "patch_forces",
+    "placement",
     "pressure",
 ]
 
 FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     model,
+    placement,
     footprints,
     cross_section,
     patch_forces,
