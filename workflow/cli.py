@@ -19,9 +19,23 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from workflow.scene import Scene, SceneError, names
 
+EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a physics guard, results kept."
+
+
+def examples(*lines: str) -> str:
+    """Return examples as the last paragraphs of a help text."""
+    return "\n\n".join(f"[dim]{line}[/dim]" for line in lines)
+
+
 app = typer.Typer(
-    help="Explicit finite elements for wheel-rail rolling contact. "
-    "Start with: squealx scenes; squealx run bar-impact; squealx figures runs/bar-impact.",
+    help="Explicit finite elements for wheel-rail rolling contact. A scene (TOML, SI units) goes "
+    "in, a folder of results and figures comes out.",
+    epilog=examples(
+        "squealx scenes",
+        "squealx run bar-impact",
+        "squealx figures runs/bar-impact",
+        EXIT,
+    ),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -31,12 +45,18 @@ app = typer.Typer(
 SceneName = Annotated[str, typer.Argument(help="Name of a built-in scene, or path of a TOML file.")]
 Changes = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Change a key, e.g. --set mesh.size=2e-3 (SI units, TOML values)."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key of the scene, e.g. mesh.size=2e-3 (SI, TOML value); may be repeated.",
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object, and only that, on stdout.")
+]
 
 
-@app.command()
+@app.command(epilog=examples("squealx scenes", "squealx scenes --json"))
 def scenes(as_json: Json = False) -> None:
     """List the built-in scenes with their size and usual run time."""
     listed = {name: Scene.load(name) for name in names()}
@@ -52,15 +72,25 @@ def scenes(as_json: Json = False) -> None:
     Console().print(table)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "squealx run hertz",
+        "squealx run flange-transition --ranks 2 --out runs/first",
+        "squealx run flange-transition --set mesh.size=0.002",
+        "squealx run runs/first/scene.toml --out runs/again",
+        EXIT,
+    )
+)
 def run(
     scene: SceneName,
     changes: Changes = None,
-    out: Annotated[Path | None, typer.Option(help="Result folder [runs/NAME].")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder for the results; runs/NAME if left out.")
+    ] = None,
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the run.")] = 1,
     as_json: Json = False,
 ) -> None:
-    """Run a scene: results in --out, progress on the terminal, exit code 3 if a guard stops it."""
+    """Run a scene: results into a new folder, progress on the terminal."""
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
@@ -77,9 +107,14 @@ def run(
         print(json.dumps(result.summary)) if as_json else print_summary(result.summary, folder)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "squealx validate my-scene.toml",
+        "squealx validate flange-transition --set rolling.angle_of_attack=0.03",
+    )
+)
 def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
-    """Check a scene without meshing or running it."""
+    """Check a scene without meshing: an error names the key, what it got and expects."""
     checked = load(scene, changes)
     from workflow.geometry import check_profiles
 
@@ -90,7 +125,7 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
         print(f"{checked.name}: valid")
 
 
-@app.command()
+@app.command(epilog=examples("squealx figures runs/bar-impact"))
 def figures(
     folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
 ) -> None:
@@ -106,7 +141,7 @@ def figures(
         print("\n".join(map(str, paths)))
 
 
-@app.command()
+@app.command(epilog=examples("squealx version --json"))
 def version(as_json: Json = False) -> None:
     """Print the version of squealx and of what it stands on."""
     found = {p: _version(p) for p in ("squealx", "fenics-dolfinx", "dolfinx-solver-real", "numpy")}
