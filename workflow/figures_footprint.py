@@ -261,9 +261,20 @@ def _mesh_lines(rail: Body, flat: Development) -> list[Array]:
 def _legend(fig: "Figure", contact: Contact) -> None:
     from matplotlib.lines import Line2D
 
-    one = any(len(p) == 1 for p in contact.patches)
-    kinds = [(one, theme.ONE_POINT, "one-point contact")]
-    kinds += [(bool(contact.two_points.any()), theme.TWO_POINT, "two-point contact")]
+    alone = [set(p) for p in contact.patches if len(p) == 1]
+    kinds = [(bool(alone), theme.ONE_POINT, one_point_name(alone))]
+    both = bool(contact.two_points.any())
+    kinds += [(both, theme.TWO_POINT, "two-point contact: rail top and gauge corner")]
     keys = [Line2D([], [], color=c, marker=".", label=label) for there, c, label in kinds if there]
     keys.append(Line2D([], [], color=theme.INK, lw=0.7, label="trail of the patch centres"))
-    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys))
+    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys), columnspacing=1.2)
+
+
+def one_point_name(alone: list[set[int]]) -> str:
+    """Name the outputs with a single patch by where it lies, at any of them."""
+    places = set[int]().union(*alone)
+    where = " or ".join(name for place, name in _PLACES.items() if place in places)
+    return f"one-point contact: {where} alone"
+
+
+_PLACES = {1: "rail top", 2: "gauge corner"}
