@@ -33,7 +33,7 @@ class Progress:
 
     def log(self, line: str) -> None:
         """Print a line and keep it in the log."""
-        self.console.print(line, highlight=False)
+        self.console.print(line, highlight=False, soft_wrap=True)
         self._keep(line)
 
     def keep_in(self, path: Path) -> None:

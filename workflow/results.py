@@ -2,7 +2,7 @@
 """The result folder of a run: settings, history, contact, fields and summary."""
 
 import json
-import os
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,12 @@ def check_free(folder: str | Path) -> Path:
     if (path / "scene.toml").exists() or (path / "summary.json").exists():
         raise SceneError(f"out = {str(path)!r}: already holds a run; expected a new folder")
     there = next(p for p in (path, *path.absolute().parents) if p.exists())
-    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-        raise SceneError(f"out = {str(path)!r}: expected a folder that can be written")
+    try:
+        tempfile.TemporaryDirectory(dir=there).cleanup()  # permissions alone do not tell
+    except OSError as error:
+        raise SceneError(
+            f"out = {str(path)!r}: expected a folder that can be written ({error.strerror})"
+        ) from None
     return path
 
 

@@ -81,6 +81,9 @@ def run(
     except guards.GuardError as stop:
         status = f"stopped: {stop}"
         raise
+    except RuntimeError as stop:  # of the contact: a node went through, or is nowhere
+        status = f"stopped: {stop}"
+        raise guards.GuardError(f"{stop} (step {model.state.step})") from stop
     except BaseException as failure:
         status = f"failed: {type(failure).__name__}: {failure}"
         raise

@@ -65,6 +65,8 @@ class Scene(Section):
                 )
             if self.mesh.kind != "wheel-on-rail":
                 raise ValueError(f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail'")
+        if self.equilibrium and not (self.loads or any(self.gravity or ())):
+            raise ValueError("equilibrium: expected gravity or loads to bring to rest, got neither")
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
         if self.time.output_interval > self.time.end:
