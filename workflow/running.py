@@ -111,9 +111,9 @@ def checked(out: str | Path, comm: MPI.Comm) -> Path:
 
 def check_apart(model: Model) -> None:
     """Refuse bodies that overlap by more than a hundredth of a cell before the run."""
-    limit = 0.01 * model.scene.mesh.size
+    limit, look = 0.01 * model.scene.mesh.size, 50 * model.scene.mesh.size
     for name, pair in model.pairs.items():
-        depth, node, place = pair.penetration(model.state)
+        depth, node, place = pair.penetration(model.state, look)
         if depth > limit:
             x, y, z = place
             raise SceneError(
