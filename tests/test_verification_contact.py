@@ -1,0 +1,416 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Verification of contact in whole runs: rows 8, 9, 11, 12, 13, 23 and 24 (small scenes)."""
+
+import subprocess
+import sys
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from contact import ContactPair
+from contact.closed_forms import bar_impact, contact_modulus, hertz_sphere, sliding_stop
+from workflow import Scene, run
+from workflow.model import Model, build
+from workflow.running import start
+from workflow.stepping import central_difference
+
+E, NU, RHO = 210e9, 0.3, 7800.0
+C = np.sqrt(E / RHO)  # of a bar
+
+
+def motion(model: Model, body: str, axis: int) -> tuple[float, float]:
+    """Mean displacement [m] and momentum [kg m/s] of a body along an axis, both at t."""
+    state, dofs = model.state, model.body_dofs(body)
+    v = state.v.x.array + model.dt / 2 * state.a.array
+    m = model.mass.array[::3][dofs]
+    u = state.u.x.array.reshape(-1, 3)[dofs, axis]
+    return float(m @ u / m.sum()), float(m @ v.reshape(-1, 3)[dofs, axis])
+
+
+def watched(scene: Scene, folder, probe) -> tuple[dict, np.ndarray]:
+    """History of a quiet run, and what ``probe(model)`` returned at every step, as columns."""
+    rows: list = []
+    result = run(scene, folder, watch=lambda model: rows.append(probe(model)), quiet=True)
+    return result.history, np.array(rows).T
+
+
+def crossings(t, f, level) -> tuple[float, float]:
+    """First and last time at which ``f`` crosses ``level``, between the samples."""
+    above = np.flatnonzero(f > level)
+    ends = [(above[0] - 1, above[0]), (above[-1], above[-1] + 1)]
+    return tuple(t[i] + (level - f[i]) / (f[j] - f[i]) * (t[j] - t[i]) for i, j in ends)
+
+
+# row 8
+
+SPEED, LENGTH, WIDTH = 1.0, 0.1, 0.005
+
+
+def impact(folder, **changes) -> tuple[dict, dict]:
+    """Bar against the wall: history and plateau, duration, rebound."""
+
+    def probe(m):
+        return m.state.t, m.pairs["wall"].normal_force, motion(m, "bar", 0)[1]
+
+    scene = Scene.load("bar-impact", **{"output.fields": False}, **changes)
+    history, (t, force, momentum) = watched(scene, folder, probe)
+    F, T = bar_impact(SPEED, E, RHO, WIDTH**2, LENGTH)
+    first, last = crossings(t, force, F / 2)
+    middle = (t > T / 4) & (t < 3 * T / 4)
+    return history, {
+        "plateau": force[middle].mean() / F,
+        "late": last - first - T,
+        "rebound": momentum[-1] / (RHO * LENGTH * WIDTH**2 * SPEED),
+        "transit": scene.mesh.size / C,
+        "dt": t[1],
+    }
+
+
+def test_row_8_bar_against_rigid_wall(tmp_path):
+    """Force ρ c v A to 0.5 %, contact 2L/c to one cell transit, rebound v to 1 %, energy.
+
+    With a penalty spring stiff enough not to count: a safety of 0.5 makes it 3.2 times stiffer.
+    """
+    stiff = {"contacts.wall.penalty": 0.3, "time.safety": 0.5}
+    history, found = impact(tmp_path, **stiff)
+    assert found["plateau"] == pytest.approx(1, abs=0.005)
+    assert abs(found["late"]) <= found["transit"]
+    assert found["rebound"] == pytest.approx(1, abs=0.01)
+    assert np.abs(history["balance_error"]).max() < 1e-3
+
+
+@pytest.mark.parametrize("penalty", [0.1, 0.2])
+def test_row_8_delay_of_the_penalty_spring(tmp_path, penalty):
+    """A bar of impedance Z on a spring K leaves later by (x − ln 2) Z/K, (1 + x) exp(−x) = 3/4.
+
+    The force grows as 1 − exp(−s) with s = K t / Z, and after the return of the wave falls as
+    (2 + 2s) exp(−s) − 1. K = penalty m / dt² of half cells makes Z/K = 2 c dt² / (penalty h).
+    The scene itself (penalty 0.2) stays 1.8 cell transits too long in contact; to half a transit.
+    """
+    _, found = impact(tmp_path, **{"contacts.wall.penalty": penalty})
+    x = brentq(lambda s: (1 + s) * np.exp(-s) - 0.75, 0.1, 5)
+    lag = 2 * found["dt"] ** 2 / (penalty * found["transit"])
+    assert found["late"] == pytest.approx((x - np.log(2)) * lag, abs=found["transit"] / 2)
+    assert found["plateau"] == pytest.approx(1, abs=0.005 if penalty == 0.2 else 0.05)
+    assert found["rebound"] == pytest.approx(1, abs=0.01)
+
+
+# row 9
+
+
+def two_bars(size: float, base_size: float) -> Scene:
+    """A bar falls at 1 m/s on a free one of the same size, cut into other cells."""
+    steel = {"youngs_modulus": E, "poisson_ratio": 0.0, "density": RHO}
+    half = [WIDTH, WIDTH, LENGTH / 2]
+    blocks = {"kind": "block-on-base", "block": half, "base": half}
+    return Scene.check(
+        {
+            "name": "two-bars",
+            "title": "Two equal bars",
+            "mesh": blocks | {"size": size, "base_size": base_size},
+            "bodies": {
+                "block": {"regions": ["block"], "material": steel, "velocity": [0, 0, -SPEED]},
+                "base": {"regions": ["base"], "material": steel},
+            },
+            "contacts": {
+                "face": {"contactor": "block_bottom", "target": "base_top", "penalty": 0.3}
+            },
+            "time": {"end": 30e-6, "output_interval": 1e-6, "safety": 0.5},
+            "output": {"fields": False},
+        }
+    )
+
+
+@pytest.mark.parametrize("base_size", [0.00125, 0.001, 0.0017])
+def test_row_9_two_bars_collide(tmp_path, base_size):
+    """Stress ρ c v/2 to 1 %, velocities exchanged to 1 %, momentum to 1e-12, penetration F/k.
+
+    The penetration is predicted for matching meshes only, to 1 %: two half cells in series.
+    """
+
+    def probe(m):
+        pair = m.pairs["face"]
+        bodies = motion(m, "block", 2)[1], motion(m, "base", 2)[1]
+        return m.state.t, m.dt, pair.normal_force, pair.max_penetration, *bodies
+
+    size = 0.00125
+    history, columns = watched(two_bars(size, base_size), tmp_path, probe)
+    t, dt, force, depth, block, base = columns
+    stress, T = RHO * C * SPEED / 2, LENGTH / C
+    middle = (t > 0.3 * T) & (t < 0.7 * T)
+    assert force[middle].mean() / WIDTH**2 == pytest.approx(stress, rel=0.01)
+    whole = RHO * WIDTH**2 * LENGTH / 2 * SPEED
+    assert np.abs(block + base + whole).max() <= 1e-12 * whole
+    assert block[-1] == pytest.approx(0, abs=0.01 * whole)
+    assert base[-1] == pytest.approx(-whole, rel=0.01)
+    assert np.abs(history["balance_error"]).max() < 1e-3
+    if base_size == size:
+        stiffness = 0.3 / dt[0] ** 2 * RHO * size / 4  # per area
+        assert depth[middle].mean() == pytest.approx(stress / stiffness, rel=0.01)
+
+
+# rows 11, 12
+
+FRICTION, PRESSURE, HEIGHT = 0.3, 10e6, 0.01
+DECELERATION = FRICTION * PRESSURE / (RHO * HEIGHT)
+NORMAL = PRESSURE * 0.02**2  # [N]
+
+
+def test_row_11_action_equals_reaction(tmp_path, monkeypatch):
+    """Sums of forces and moments of the pair, over all nodes and every step of sliding-block.
+
+    To 1e-12 of the sums of their sizes, from the very force vector that the pair writes.
+    """
+    add, worst = ContactPair.add, [0.0, 0.0, np.inf]
+    X: list = []
+
+    def audited(self, state, force, **options):
+        if not X:
+            X.append(state.u.function_space.tabulate_dof_coordinates())
+        before = force.array.copy()
+        force.array[:] = 0.0
+        add(self, state, force, **options)
+        f = force.array.reshape(-1, 3).copy()
+        force.array[:] += before
+        x = X[0] + state.u.x.array.reshape(-1, 3)
+        size, turn = np.abs(f).sum(), np.abs(np.cross(x, f)).sum()
+        worst[0] = max(worst[0], np.abs(f.sum(axis=0)).max() / size)
+        worst[1] = max(worst[1], np.abs(np.cross(x, f).sum(axis=0)).max() / turn)
+        worst[2] = min(worst[2], size)
+
+    monkeypatch.setattr(ContactPair, "add", audited)
+    run(Scene.load("sliding-block", **{"output.fields": False}), tmp_path, quiet=True)
+    assert worst[0] <= 1e-12 and worst[1] <= 1e-12
+    assert worst[2] > 0  # there was contact all the time
+
+
+def sliding(folder, **changes) -> tuple[dict, dict]:
+    """sliding-block: history, and every step's time, motion along x, forces and cone."""
+
+    def probe(m):
+        pair = m.pairs["face"]
+        h = pair.history
+        over = np.linalg.norm(h.traction, axis=1) - FRICTION * h.pressing * (1 + 1e-12)
+        lost = pair.friction_dissipation
+        return m.state.t, *motion(m, "block", 0), pair.normal_force, over.max(), lost
+
+    scene = Scene.load("sliding-block", **{"output.fields": False}, **changes)
+    history, columns = watched(scene, folder, probe)
+    return history, dict(zip(("t", "x", "p", "N", "over", "lost"), columns, strict=True))
+
+
+BLOCK = RHO * HEIGHT * 0.02**2  # mass [kg]
+DAMPED = {f"bodies.{body}.stiffness_damping": 1e-6 for body in ("block", "base")}
+
+
+@pytest.mark.parametrize("damping", [{}, DAMPED], ids=["undamped", "damped"])
+def test_row_12_sliding_block_stops_and_stays(tmp_path, damping):
+    """Friction from slope and impulse 0.5 %, stop at v/a and v²/2a 1 %, no drift afterwards.
+
+    Undamped, the stopped block rings on its stuck face by 0.5 um and creeps within that; with
+    damping it comes to rest: 0.5 % of the speed left, 10 nm of drift, nothing more dissipated.
+    No node exceeds its cone at any step.
+    """
+    v, end = 2.0, 80e-6 if not damping else 140e-6
+    history, h = sliding(tmp_path, **{"time.end": end}, **damping)
+    way, time = sliding_stop(v, FRICTION, DECELERATION / FRICTION)
+    t, speed = h["t"], h["p"] / BLOCK
+    steady = (t > 5e-6) & (t < 45e-6)
+    slope = -np.polyfit(t[steady], speed[steady], 1)[0]
+    assert slope / DECELERATION == pytest.approx(1, abs=0.005)
+    impulse = np.trapezoid(h["N"][steady], t[steady])
+    friction = (h["p"][steady][0] - h["p"][steady][-1]) / impulse
+    assert friction == pytest.approx(FRICTION, rel=0.005)
+    i = int(np.flatnonzero(speed <= 0)[0])
+    stop = t[i - 1] + speed[i - 1] / (speed[i - 1] - speed[i]) * (t[i] - t[i - 1])
+    assert stop == pytest.approx(time, rel=0.01)
+    assert h["x"][i] - h["x"][0] == pytest.approx(way, rel=0.01)
+    assert (h["over"] <= 0).all()
+    assert np.abs(h["x"][i:] - h["x"][i]).max() <= 0.04 * way
+    if damping:
+        before, last = (t > end - 30e-6) & (t < end - 15e-6), t > end - 15e-6
+        assert np.abs(speed[last]).max() <= 0.005 * v
+        assert h["x"][last].mean() == pytest.approx(h["x"][before].mean(), abs=10e-9)
+        assert h["lost"][-1] == h["lost"][last][0]
+    assert np.abs(history["balance_error"]).max() < 1e-3
+
+
+def pulled(share: float, ramp: float = 60e-6, end: float = 160e-6) -> dict:
+    """The block at rest is pulled by ``share * friction * N``, spread over its mass."""
+    scene = Scene.load("sliding-block", **{"bodies.block.velocity": [0.0, 0.0, 0.0]})
+    model = build(scene, MPI.COMM_SELF)
+    start(model, lambda line: None)
+    dofs, pair = model.body_dofs("block"), model.pairs["face"]
+    most = share * DECELERATION * model.mass.array[::3][dofs]
+
+    def pull(state, force):
+        grown = 0.5 * (1 - np.cos(np.pi * min(state.t / ramp, 1)))
+        force.array.reshape(-1, 3)[dofs, 0] += grown * most
+
+    loads, petsc = [*model.loads, pull], model.mass.petsc_vec
+    end = round(end / model.dt) * model.dt
+    rows = []
+    for state in central_difference(model.state, petsc, loads, model.supports, model.dt, end):
+        x, p = motion(model, "block", 0)
+        rows.append((state.t, x, p / BLOCK, pair.normal_force, pair.tangential_force[0]))
+    return dict(zip(("t", "x", "v", "N", "T"), np.array(rows).T, strict=True))
+
+
+def test_row_12_pulled_block_holds_below_the_limit():
+    """0.9 friction N, grown over 60 us: held, friction 0.9 of the limit to 1 %, no drift.
+
+    Held is: mean speed over the last 80 us under 1e-3 m/s (slipping at 1.1 reaches 0.4 m/s).
+    """
+    h = pulled(0.9)
+    late = h["t"] > 80e-6
+    assert -h["T"][late].mean() / NORMAL == pytest.approx(0.9 * FRICTION, rel=0.01)
+    span = h["t"][late][-1] - h["t"][late][0]
+    assert abs(h["x"][late][-1] - h["x"][late][0]) <= 1e-3 * span + 20e-9
+    assert h["x"].max() < 2e-6 and np.abs(h["v"][late]).max() < 0.01
+
+
+def test_row_12_pulled_block_slips_above_the_limit():
+    """1.1 friction N: friction stays at its limit and the block speeds up by 0.1 friction N / m."""
+    h = pulled(1.1)
+    late = h["t"] > 80e-6
+    slope = np.polyfit(h["t"][late], h["v"][late], 1)[0]
+    assert slope == pytest.approx(0.1 * DECELERATION, rel=0.01)
+    assert -h["T"][late].mean() / h["N"][late].mean() == pytest.approx(FRICTION, rel=0.005)
+
+
+# row 13
+
+LOAD, RADIUS = 7.69e6 * 0.04**2, 0.1
+HERTZ = hertz_sphere(LOAD, RADIUS, contact_modulus(E, NU, E, NU))
+
+
+def sinking(depth: float) -> float:
+    """Displacement on the axis of a half-space under Hertz's pressure, ``depth`` below [m].
+
+    Boussinesq's point force (Johnson 3.19), summed over the circle.
+    """
+
+    def ring(r):
+        R = np.hypot(r, depth)
+        return HERTZ.pressure(r) * r * (depth**2 / R**3 + 2 * (1 - NU) / R)
+
+    return float((1 + NU) / E * quad(ring, 0, HERTZ.a)[0])
+
+
+def pressed(**changes) -> dict:
+    """The scene hertz at rest: errors of load, pressure, radius (in cells) and approach."""
+    scene = Scene.load("hertz", **changes)
+    model = build(scene, MPI.COMM_SELF)
+    start(model, lambda line: None)
+    footprint = model.pairs["touch"].footprint()
+    r = np.hypot(*footprint.position[:, :2].T)
+    x, depth = model.domain.V.tabulate_dof_coordinates(), 2 * HERTZ.a
+    nearer = 0.0  # points 2 a above and below the contact, each moved towards it by
+    for side, body in ((1, "sphere"), (-1, "flat")):
+        dofs = model.body_dofs(body)
+        axis = dofs[np.hypot(x[dofs, 0], x[dofs, 1]) < 1e-9]
+        axis = axis[np.argsort(x[axis, 2])]
+        u = model.state.u.x.array.reshape(-1, 3)[axis, 2]
+        nearer -= side * np.interp(side * depth, x[axis, 2], u)
+    inner = r < 0.7 * HERTZ.a
+    off = footprint.pressure - HERTZ.pressure(r)
+    return {
+        "load": 4 * footprint.normal_force.sum() / LOAD - 1,
+        "p0": footprint.pressure[np.argmin(r)] / HERTZ.p0 - 1,
+        "pressure": np.sqrt((off[inner] ** 2).mean()) / HERTZ.p0,
+        "radius": (r.max() - HERTZ.a) / scene.mesh.size,
+        "approach": (nearer + 2 * sinking(depth)) / HERTZ.approach - 1,
+        "penetration": model.pairs["touch"].max_penetration / HERTZ.approach,
+    }
+
+
+def test_row_13_sinking_of_the_surface_is_half_the_approach():
+    """The half-space sum used below against Hertz at the surface."""
+    assert 2 * sinking(1e-9) == pytest.approx(HERTZ.approach, rel=1e-5)
+
+
+def test_row_13_hertz():
+    """p₀ 3 %, a half a cell (farthest node that touches), approach 1 %; load 1e-4."""
+    found = pressed()
+    assert found["load"] == pytest.approx(0, abs=1e-4)
+    assert found["p0"] == pytest.approx(0, abs=0.03)
+    assert found["radius"] == pytest.approx(0, abs=0.5)
+    assert found["approach"] == pytest.approx(0, abs=0.01)
+
+
+def test_row_13_hertz_error_falls_with_size_and_with_the_penalty_spring():
+    """Pressure inside 0.7 a and approach: 1 mm, 0.5 mm, 0.25 mm; what is left is penetration.
+
+    With a spring 6 times stiffer p₀ and approach are within 0.3 % at 0.25 mm.
+    """
+    found = [pressed(**{"mesh.size": size}) for size in (1e-3, 5e-4, 2.5e-4)]
+    approach = np.abs([f["approach"] for f in found])
+    assert (approach[1:] < 0.6 * approach[:-1]).all()
+    assert found[2]["pressure"] < 0.5 * found[0]["pressure"]
+    stiff = pressed(**{"time.safety": 0.1})
+    assert stiff["penetration"] < found[2]["penetration"] / 5
+    assert abs(stiff["approach"]) < 0.003 and abs(stiff["p0"]) < 0.003
+
+
+def test_row_13_stays_at_rest_when_stepped(tmp_path):
+    """From the static solve on: contact force within 1e-3 of the load, no sliding, no motion.
+
+    Kinetic energy below 1e-4 of the strain energy.
+    """
+    scene = Scene.load("hertz", **{"output.fields": False, "mesh.size": 5e-4})
+    history = run(scene, tmp_path, quiet=True).history
+    np.testing.assert_allclose(4 * history["touch_normal_force"], LOAD, rtol=1e-3)
+    assert history["kinetic"].max() < 1e-4 * history["internal"].max()
+    assert history["friction_dissipation"].max() < 1e-4 * history["internal"].max()
+
+
+# rows 23, 24
+
+SMALL = {  # scene: changes, and a force and a length to measure round-off by
+    "bar-wave": ({}, 0.0, 0.0),
+    "bar-impact": ({}, RHO * C * SPEED * WIDTH**2, 1e-6),
+    "sliding-block": ({"equilibrium.tolerance": 1e-10}, NORMAL, 1e-7),
+    "hertz": ({"equilibrium.tolerance": 1e-10, "mesh.size": 5e-4}, LOAD / 4, 1e-7),
+}
+
+
+def command_line(name: str, changes: dict, folder, ranks: int) -> dict:
+    """History of a run in a process of its own."""
+    command = [sys.executable, "-m", "workflow.cli", "run", name, "--out", str(folder)]
+    command += ["--ranks", str(ranks), "--set", "output.fields=false"]
+    for key, value in changes.items():
+        command += ["--set", f"{key}={value}"]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    with h5py.File(folder / "results.h5") as file:
+        return {name: data[:] for name, data in file["history"].items()}
+
+
+def column_scale(name: str, history: dict, force: float, length: float) -> float:
+    """Size of a history column in the physics of its scene, not of its round-off."""
+    if name.endswith("force"):
+        return force
+    if name.endswith("penetration"):
+        return length
+    if name.endswith(("error", "patches")):
+        return 1.0
+    if name in ("t",) or name.endswith("area"):
+        return float(np.abs(history[name]).max())
+    return float((history["kinetic"] + history["internal"]).max())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", SMALL)
+def test_rows_23_and_24_small_scenes(tmp_path, name):
+    """Serial and on two ranks: every column to 1e-8 of its scale; ledger balanced to 1e-3."""
+    changes, force, length = SMALL[name]
+    one, two = (command_line(name, changes, tmp_path / str(n), n) for n in (1, 2))
+    assert one.keys() == two.keys() and len(one["t"]) > 4
+    for column, values in one.items():
+        atol = 1e-8 * column_scale(column, one, force, length)
+        np.testing.assert_allclose(two[column], values, rtol=0, atol=atol, err_msg=column)
+    assert np.abs(one["balance_error"]).max() < 1e-3
