@@ -3,6 +3,7 @@
 
 import contextlib
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -204,6 +205,8 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         table.add_row(key.replace("_", " "), f"{value:.3%}" if "error" in key else f"{value:.4g} J")
     for name, contact in summary["contacts"].items():
         text = f"{contact['normal_force'] / 1e3:.2f} kN in {contact['patches']} patches"
+        angles = [f"{math.degrees(angle):.0f}°" for angle in contact["contact_angles"]]
+        text += f" at {', '.join(angles)}" if angles else ""
         table.add_row(f"contact {name}", f"{text}, {contact['max_penetration'] * 1e6:.1f} µm deep")
     Console().print(table)
 

@@ -228,6 +228,7 @@ def summarise(
             "tangential_force": list(map(float, pair.tangential_force)),
             "patches": len(footprint.patches),
             "area": float(np.sum(footprint.area)),
+            "contact_angles": [patch.contact_angle for patch in footprint.patches],
         }
     stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
     return {
