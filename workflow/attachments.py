@@ -165,12 +165,10 @@ def sleeper_seats(scene: Scene, domain: Domain) -> list[npt.NDArray[np.int64]]:
     assert track is not None
     nodes = surface_nodes(domain, track.seat, "track.seat")
     x = domain.source.points[nodes, 0]
-    first, last = (
-        np.ceil((x.min() + 1e-9) / track.sleeper_spacing),
-        np.floor((x.max() - 1e-9) / track.sleeper_spacing),
-    )
+    middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
+    count = int((half - 1e-9) / track.sleeper_spacing)
     seats = []
-    for centre in np.arange(first, last + 1) * track.sleeper_spacing:
+    for centre in middle + np.arange(-count, count + 1) * track.sleeper_spacing:
         distance = np.abs(x - centre)
         reach = max(track.seat_length / 2, distance.min()) + 1e-9
         seats.append(nodes[distance <= reach])

@@ -65,7 +65,7 @@ def start(model: Model) -> None:
     x = model.domain.V.tabulate_dof_coordinates()
     v = state.v.x.array.reshape(-1, 3)
     if rolling.steady_start:
-        v[: model.domain.owned] = convected(model, V, omega, centre)
+        v[: model.domain.owned] += convected(model, V, omega, centre)
     dofs = model.body_dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
