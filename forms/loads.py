@@ -4,6 +4,7 @@
 Each is a callable ``add(state, force)`` and knows the work it has done.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,9 +12,15 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 
 Array = npt.NDArray[np.float64]
 Dofs = npt.NDArray[np.int32]
+
+
+def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
+    """Virtual work of the weight, ``ρ g · w``, with the acceleration of gravity ``g`` [m/s²]."""
+    return rho * ufl.inner(ufl.as_vector(list(g)), w)
 
 
 def nodal_traction(points: Array, quads: npt.NDArray[np.int64], traction: Array) -> Array:

@@ -4,12 +4,15 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import dolfinx
 import numpy as np
 import numpy.typing as npt
+import ufl
+from dolfinx import la
 
 from forms.connections import Connections, Mean, PointMasses, Spread
-from forms.loads import DriveTorque, MassDamping, nodal_traction
+from forms.elasticity import exact
+from forms.kernel import CellKernel
+from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
 from meshes.tags import tag
 from workflow.scene import Scene, SceneError
@@ -34,7 +37,7 @@ class Supports:
     dofs: list[Dofs]
     directions: list[Array]
 
-    def __call__(self, a: dolfinx.la.Vector) -> None:
+    def __call__(self, a: la.Vector) -> None:
         """Remove the held components, in place."""
         x = a.array.reshape(-1, 3)
         for dofs, n in zip(self.dofs, self.directions, strict=True):
@@ -87,11 +90,17 @@ def supports(
     return Supports(dofs, directions)
 
 
-def dead_load(scene: Scene, domain: Domain, mass: Array) -> Array:
+def dead_load(scene: Scene, domain: Domain) -> Array:
     """Return gravity and tractions as a force on every owned dof, shape ``(3 * owned,)`` [N]."""
-    nodal = np.zeros((domain.owned, 3))
+    vector = la.vector(domain.V.dofmap.index_map, 3)
+    vector.array[:] = 0.0
     if scene.gravity is not None:
-        nodal += mass.reshape(-1, 3)[: domain.owned] * np.array(scene.gravity)
+        w, dx = ufl.TestFunction(domain.V), exact(domain.msh, domain.regions)
+        bodies = scene.bodies.values()
+        weight = sum(gravity(w, b.material.density, scene.gravity) * dx(b.tags) for b in bodies)
+        CellKernel(weight).add(vector)
+        vector.scatter_reverse(la.InsertMode.add)
+    nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
     for i, load in enumerate(scene.loads):
         surface_nodes(domain, load.surface, f"loads.{i}.surface")
         quads = domain.source.surface(tag(load.surface))

@@ -22,7 +22,7 @@ from forms.elasticity import RESIDUALS, full
 from forms.kernel import JIT_OPTIONS
 from workflow.attachments import axle, supports
 from workflow.guards import GuardError
-from workflow.model import Model, regions
+from workflow.model import Model
 from workflow.sections import Equilibrium
 
 # petsc4py's stubs know plain lists and take this number for something else
@@ -151,7 +151,7 @@ def elastic_stiffness(model: Model) -> PETSc.Mat:
     dx = full(model.domain.msh, model.domain.regions)
     u, w = fem.Function(V), ufl.TestFunction(V)
     residual = sum(
-        RESIDUALS[b.kinematics](u, w, model.materials[name]) * dx(regions(b))
+        RESIDUALS[b.kinematics](u, w, model.materials[name]) * dx(b.tags)
         for name, b in scene.bodies.items()
     )
     form = fem.form(ufl.derivative(residual, u, ufl.TrialFunction(V)), jit_options=JIT_OPTIONS)

@@ -13,13 +13,12 @@ import ufl
 from dolfinx import fem, la
 
 from forms.connections import Connections
-from forms.elasticity import ENERGIES, RESIDUALS, Elastic, full
+from forms.elasticity import ENERGIES, RESIDUALS, Elastic, exact, full
 from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
 from forms.stability import cell_frequency, stable_step
 from meshes.domain import Domain
-from meshes.tags import tag
 from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
 from workflow.clock import Clock
 from workflow.geometry import domain_of
@@ -134,7 +133,7 @@ def compiled(scene: Scene, domain: Domain, placement: Any) -> Model:
     state.a.array[:] = 0.0
     materials = {name: material(body) for name, body in scene.bodies.items()}
     dx = full(domain.msh, domain.regions)
-    densities = {regions(body): materials[name].rho for name, body in scene.bodies.items()}
+    densities = {body.tags: materials[name].rho for name, body in scene.bodies.items()}
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = lumped_mass(V, dx, densities)
     w = ufl.TestFunction(V)
@@ -148,7 +147,7 @@ def compiled(scene: Scene, domain: Domain, placement: Any) -> Model:
         state=state,
         mass=mass,
         materials=materials,
-        dead=DeadLoad(comm, dead_load(scene, domain, mass.array)),
+        dead=DeadLoad(comm, dead_load(scene, domain)),
         dt_bound=bound,
         dt=float(scene.time.output_interval / per_output),
         internal=InternalForce(-residual(scene, materials, dx, state.u, w, state.v), damped),
@@ -164,7 +163,7 @@ def residual(
     """Return the form of the internal virtual work of all bodies."""
     return sum(
         RESIDUALS[body.kinematics](u, w, materials[name], v if body.stiffness_damping else None)
-        * dx(regions(body))
+        * dx(body.tags)
         for name, body in scene.bodies.items()
     )
 
@@ -172,7 +171,7 @@ def residual(
 def strain_energy(scene: Scene, materials: dict[str, Elastic], dx: Any, u: Any) -> Any:
     """Return the form of the strain energy of all bodies."""
     return sum(
-        ENERGIES[body.kinematics](u, materials[name]) * dx(regions(body))
+        ENERGIES[body.kinematics](u, materials[name]) * dx(body.tags)
         for name, body in scene.bodies.items()
     )
 
@@ -183,9 +182,9 @@ def step_bound(scene: Scene, domain: Domain, materials: dict[str, Elastic]) -> f
     ones = ufl.as_vector([1.0, 1.0, 1.0])
 
     def inertia(w: Any) -> Any:
-        exact = dx(metadata={"quadrature_degree": 3})
+        dm = exact(domain.msh, domain.regions)
         return sum(
-            materials[name].rho * ufl.inner(ones, w) * exact(regions(body))
+            materials[name].rho * ufl.inner(ones, w) * dm(body.tags)
             for name, body in scene.bodies.items()
         )
 
@@ -199,11 +198,6 @@ def step_bound(scene: Scene, domain: Domain, materials: dict[str, Elastic]) -> f
         max(body.stiffness_damping for body in bodies),
         max(body.mass_damping for body in bodies),
     )
-
-
-def regions(body: Body) -> tuple[int, ...]:
-    """Region tags of a body."""
-    return tuple(int(tag(r)) for r in body.regions)
 
 
 def material(body: Body) -> Elastic:

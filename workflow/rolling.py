@@ -11,7 +11,7 @@ from dolfinx import la
 from forms.elasticity import full
 from forms.kernel import CellKernel
 from workflow.attachments import axle, drive
-from workflow.model import Model, regions
+from workflow.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
     form = sum(
         model.materials[name].rho
         * ufl.inner(ufl.grad(model.state.u) * flow(name), w)
-        * dx(regions(body))
+        * dx(body.tags)
         for name, body in scene.bodies.items()
     )
     out = la.vector(domain.V.dofmap.index_map, 3)

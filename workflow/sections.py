@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from meshes.tags import tag
 from workflow.quantities import (
     Angle,
     Component,
@@ -119,6 +120,11 @@ class Body(Section):
     stiffness_damping: Delay = 0.0
     mass_damping: Rate = 0.0
     velocity: tuple[Speed, Speed, Speed] | None = None
+
+    @property
+    def tags(self) -> tuple[int, ...]:
+        """Region tags of the mesh that make the body."""
+        return tuple(int(tag(name)) for name in self.regions)
 
 
 class RigidWall(Section):
