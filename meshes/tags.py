@@ -28,6 +28,8 @@ class Tag(IntEnum):
     AXLE_INNER = 105  # end of the half axle at the track centre
     AXLE_OUTER = 106
     JOURNAL = 107  # skin of the axle that carries the axle box
+    WHEELSET_SKIN = 108  # the rest of its surface, free
+    RAIL_SKIN = 109  # the rest of its surface, free
     XMIN = 111
     XMAX = 112
     YMIN = 113

@@ -155,17 +155,16 @@ def _in_track(swept: Swept, start: float, end: float, inclination: float, gauge:
     facets = boundary(swept.cells)
     at = swept.params[facets]
     along = at[:, :, X]
-    surfaces = np.zeros(len(facets), dtype=np.int32)
+    surfaces = np.full(len(facets), Tag.RAIL_SKIN, dtype=np.int32)
     surfaces[(at[:, :, D] == 0).all(axis=1)] = Tag.RAILHEAD
     surfaces[(at[:, :, Z] < -HEIGHT + 1e-9).all(axis=1)] = Tag.FOOT_UNDERSIDE
     surfaces[(along == along[:, :1]).all(axis=1) & np.isin(along[:, 0], (start, end))] = (
         Tag.RAIL_ENDS
     )
-    tagged = surfaces > 0
     turn = np.arctan(inclination)
     c, s = np.cos(turn), np.sin(turn)
     offset = track_offset(inclined(rail_54e1(), inclination), gauge)
     x, y, z = relaxed(_space(swept.params), swept.cells).T
     points = np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]])
     regions = np.array(REGIONS, dtype=np.int32)[swept.blocks]
-    return HexMesh(points, swept.cells, regions, facets[tagged], surfaces[tagged])
+    return HexMesh(points, swept.cells, regions, facets, surfaces)

@@ -213,13 +213,12 @@ def _tagged(swept: Swept, axle: Axle, tape: float) -> HexMesh:
     facets = boundary(swept.cells)
     at = swept.params[facets]
     y, r = at[:, :, Y], at[:, :, Z]
-    surfaces = np.zeros(len(facets), dtype=np.int32)
+    surfaces = np.full(len(facets), Tag.WHEELSET_SKIN, dtype=np.int32)
     surfaces[(at[:, :, D] == 0).all(axis=1)] = Tag.TREAD
     journal = (np.abs(r - axle.journal) < 1e-9) & (y > 0)
     surfaces[journal.all(axis=1)] = Tag.JOURNAL
     surfaces[(np.abs(y - axle.inner + tape) < 1e-9).all(axis=1)] = Tag.AXLE_INNER
     surfaces[(np.abs(y - axle.outer + tape) < 1e-9).all(axis=1)] = Tag.AXLE_OUTER
-    tagged = surfaces > 0
     points = relaxed(_space(swept.params), swept.cells) + np.array([0.0, tape, 0.0])
     regions = np.array(REGIONS, dtype=np.int32)[swept.blocks]
-    return HexMesh(points, swept.cells, regions, facets[tagged], surfaces[tagged])
+    return HexMesh(points, swept.cells, regions, facets, surfaces)

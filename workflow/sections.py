@@ -85,8 +85,8 @@ class WheelRailMesh(Section):
 
     regions: ClassVar = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
     surfaces: ClassVar = (
-        *("tread", "axle_inner", "axle_outer", "journal"),
-        *("railhead", "foot_underside", "rail_ends"),
+        *("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin"),
+        *("railhead", "foot_underside", "rail_ends", "rail_skin"),
     )
 
     kind: Literal["wheel-on-rail"]
