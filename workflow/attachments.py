@@ -15,7 +15,7 @@ from forms.kernel import CellKernel
 from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
 from meshes.tags import tag
-from workflow.scene import Scene, SceneError
+from workflow.scene import Scene
 from workflow.sections import Contact, RigidWall, Support
 
 if TYPE_CHECKING:
@@ -51,23 +51,9 @@ def nodes_of(domain: Domain, names: list[str]) -> Dofs:
     return dofs[dofs >= 0]
 
 
-def surface_nodes(domain: Domain, surface: str, key: str) -> npt.NDArray[np.int64]:
-    """Return the mesh nodes of a surface; ``key`` is named if the mesh has none of it."""
-    try:
-        quads = domain.source.surface(tag(surface))
-    except ValueError as error:
-        raise SceneError(f"{key}: {error}") from None
-    if not len(quads):
-        present = ", ".join(sorted(name(t) for t in np.unique(domain.source.surfaces)))
-        raise SceneError(f"{key} = {surface!r}: expected a surface of this mesh: {present}")
-    return np.unique(quads)
-
-
-def name(value: int) -> str:
-    """Return the scene's spelling of a tag."""
-    from meshes.tags import Tag
-
-    return Tag(value).name.lower()
+def surface_nodes(domain: Domain, surface: str) -> npt.NDArray[np.int64]:
+    """Return the mesh nodes of a surface, ascending."""
+    return np.unique(domain.source.surface(tag(surface)))
 
 
 def axle(scene: Scene) -> Array:
@@ -76,14 +62,12 @@ def axle(scene: Scene) -> Array:
     return np.array([-np.sin(yaw), np.cos(yaw), 0.0])
 
 
-def supports(
-    entries: list[Support], scene: Scene, domain: Domain, key: str = "supports"
-) -> Supports:
+def supports(entries: list[Support], scene: Scene, domain: Domain) -> Supports:
     """Return the supports listed in a scene."""
     axes = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2], "axle": axle(scene)}
     dofs, directions = [], []
-    for i, entry in enumerate(entries):
-        local = domain.local_dofs(surface_nodes(domain, entry.surface, f"{key}.{i}.surface"))
+    for entry in entries:
+        local = domain.local_dofs(surface_nodes(domain, entry.surface))
         for direction in entry.directions:
             dofs.append(local[local >= 0])
             directions.append(axes[direction])
@@ -101,8 +85,7 @@ def dead_load(scene: Scene, domain: Domain) -> Array:
         CellKernel(weight).add(vector)
         vector.scatter_reverse(la.InsertMode.add)
     nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
-    for i, load in enumerate(scene.loads):
-        surface_nodes(domain, load.surface, f"loads.{i}.surface")
+    for load in scene.loads:
         quads = domain.source.surface(tag(load.surface))
         force = nodal_traction(domain.source.points, quads, np.array(load.traction))
         nodal += force[domain.nodes[: domain.owned]]
@@ -148,7 +131,7 @@ def connections(model: "Model") -> Connections:
     if scene.track:
         links.append(pads(scene, domain, masses, seats))
     if scene.vehicle:
-        nodes = surface_nodes(domain, scene.vehicle.journal, "vehicle.journal")
+        nodes = surface_nodes(domain, scene.vehicle.journal)
         share = surface_share(domain, scene.vehicle.journal)[nodes]
         dofs = domain.local_dofs(nodes)
         stiffness = up * scene.vehicle.suspension_stiffness
@@ -172,7 +155,7 @@ def sleeper_seats(scene: Scene, domain: Domain) -> list[npt.NDArray[np.int64]]:
     """
     track = scene.track
     assert track is not None
-    nodes = surface_nodes(domain, track.seat, "track.seat")
+    nodes = surface_nodes(domain, track.seat)
     x = domain.source.points[nodes, 0]
     middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
     count = int((half - 1e-9) / track.sleeper_spacing)
@@ -211,13 +194,11 @@ def pair(model: "Model", key: str, contact: Contact) -> Any:
     from contact.surface import rigid_plane, surface
 
     domain = model.domain
-    surface_nodes(domain, contact.contactor, f"contacts.{key}.contactor")
     nodal = model.mass.array[::3]
     if isinstance(contact.target, RigidWall):
         wall = contact.target
         target = rigid_plane(np.array(wall.origin), np.array(wall.normal), wall.half_width)
     else:
-        surface_nodes(domain, contact.target, f"contacts.{key}.target")
         target = surface(domain, tag(contact.target), nodal)
     return ContactPair(
         surface(domain, tag(contact.contactor), nodal),

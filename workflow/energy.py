@@ -4,8 +4,6 @@
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from workflow.model import Model
 
@@ -131,8 +129,3 @@ def blown_up(energy: Energy, start: Energy) -> bool:
 def columns(energy: Energy, error: float) -> dict[str, float]:
     """Return the energies and the balance error by name."""
     return {**asdict(energy), "balance_error": error}
-
-
-def finite(energy: Energy) -> bool:
-    """Tell whether no energy is NaN or infinite."""
-    return bool(np.isfinite(list(asdict(energy).values())).all())

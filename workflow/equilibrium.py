@@ -137,7 +137,7 @@ def held_dofs(model: Model, settings: Equilibrium) -> npt.NDArray[np.int32]:
     A support along a slanted direction holds every axis that it touches: the static solve has no
     sliding along it.
     """
-    extra = supports(settings.hold, model.scene, model.domain, "equilibrium.hold")
+    extra = supports(settings.hold, model.scene, model.domain)
     groups = zip(
         model.supports.dofs + extra.dofs, model.supports.directions + extra.directions, strict=True
     )
