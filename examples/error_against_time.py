@@ -67,10 +67,8 @@ def figure(rows: list[tuple], path: Path) -> None:
     ax = fig.subplots()
     for name, safety in sorted({(row[0], row[2]) for row in rows}):
         points = [(row[4], row[3]) for row in rows if (row[0], row[2]) == (name, safety)]
-        ax.loglog(*zip(*points, strict=True), "o-", label=f"{name}, safety {safety}")
+        ax.semilogy(*zip(*points, strict=True), "o-", label=f"{name}, safety {safety}")
     ax.set(xlabel="wall time [s]", ylabel="error against the closed form")
-    ax.minorticks_off()
-    ax.set_xticks([0.3, 1, 3], ["0.3", "1", "3"])
     fig.legend(loc="outside right upper")
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)
