@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Values at all quadrature points before the loop over them, element vector after it.
+
+FFCx sums over dofs at each quadrature point. Where a table is a product of one-dimensional factors
+(Lagrange elements on hexahedra with Gauss quadrature), doing so one direction after the other for
+all points takes a quarter of the operations. Other tables are left to FFCx.
+"""
+
+from typing import Any
+
+import ffcx.codegeneration.lnodes as L
+import numpy as np
+from ffcx.codegeneration.definitions import FFCXBackendDefinitions
+from ffcx.codegeneration.integral_generator import IntegralGenerator
+from ffcx.ir.elementtables import piecewise_ttypes
+
+from forms.simd.tensor import Product, evaluate, factorise, scatter
+
+LARGEST = 4**3  # points or dofs whose sums are written out
+
+
+class Plan:
+    """Statements before and after the loop of one quadrature rule, and their names."""
+
+    def __init__(self) -> None:
+        self.before: list[Any] = []
+        self.after: list[Any] = []
+        self.names = 0
+        self.picks: dict[bytes, Any] = {}
+
+    def name(self, prefix: str, kind: L.DataType = L.DataType.SCALAR) -> L.Symbol:
+        """Return a symbol that no other has."""
+        self.names += 1
+        return L.Symbol(f"{prefix}_{self.names}", kind)
+
+    def store(self, statements: list[Any]) -> Any:
+        """Return a function that appends a variable for each expression it is given."""
+
+        def store(expression: Any) -> Any:
+            if isinstance(expression, L.Symbol | L.ArrayAccess | L.LiteralFloat):
+                return expression
+            symbol = self.name("s")
+            statements.append(L.VariableDecl(symbol, expression))
+            return symbol
+
+        return store
+
+    def row(self, product: Product, point: Any) -> Any:
+        """Return the index of the distinct row at a quadrature point."""
+        if np.array_equal(product.pick, np.arange(len(product.pick))):
+            return point
+        key = product.pick.tobytes()
+        if key not in self.picks:
+            self.picks[key] = self.name("pick", L.DataType.INT)
+            self.before.append(L.ArrayDecl(self.picks[key], values=product.pick, const=True))
+        return L.ArrayAccess(self.picks[key], [point])
+
+
+class Definitions(FFCXBackendDefinitions):
+    """Values of coefficients and geometry at the quadrature points."""
+
+    def __init__(self, backend: Any, options: dict[str, Any]) -> None:
+        given = backend.definitions
+        super().__init__(given.entity_type, given.integral_type, given.access, options)
+        self.plan = Plan()
+
+    def coefficient(self, mt: Any, tabledata: Any, quadrature_rule: Any, access: Any) -> Any:
+        """Return the definition of a coefficient's value at a point."""
+        w, offset = self.symbols.coefficients, self.symbols.coefficient_offsets[mt.terminal]
+        block = tabledata.block_size
+        tabulated = self._tabulate(w, offset, block, tabledata, quadrature_rule, access)
+        return tabulated or super().coefficient(mt, tabledata, quadrature_rule, access)
+
+    def _define_coordinate_dofs_lincomb(
+        self, mt: Any, tabledata: Any, quadrature_rule: Any, access: Any
+    ) -> Any:
+        """Return the definition of a component of ``x`` or its Jacobian at a point."""
+        x = L.Symbol("coordinate_dofs", L.DataType.REAL)
+        tabulated = self._tabulate(x, 0, 3, tabledata, quadrature_rule, access)
+        return tabulated or super()._define_coordinate_dofs_lincomb(
+            mt, tabledata, quadrature_rule, access
+        )
+
+    def _tabulate(
+        self, array: Any, offset: int, block: int, tabledata: Any, rule: Any, access: Any
+    ) -> Any:
+        """Return ``access = values[point]`` and compute the values before the loop, if possible."""
+        product = _product(tabledata)
+        if product is None or not isinstance(access, L.Symbol):
+            return None
+        first, count = offset + tabledata.offset, tabledata.values.shape[3]
+        dofs = [array[first + block * i] for i in range(count)]
+        inside = rule is None or tabledata.ttype in piecewise_ttypes
+        statements: list[Any] = []
+        values = evaluate(product, dofs, self.plan.store(statements))
+        if inside:  # the same at every point: no array
+            result = values[0]
+        else:
+            table = self.plan.name("at")
+            self.plan.before.append(L.ArrayDecl(table, sizes=product.rows))
+            statements += [L.Assign(table[i], value) for i, value in enumerate(values)]
+            self.plan.before.append(L.Section("Tabulate", statements, [], [array], [table]))
+            result = table[self.plan.row(product, self.symbols.quadrature_loop_index)]
+            return L.Section("Value", [], [L.VariableDecl(access, result)], [table], [access])
+        statements.append(L.Assign(access, result))
+        zero = [L.VariableDecl(access, 0.0)]
+        return L.Section("Value", statements, zero, [array], [access])
+
+
+class Generator(IntegralGenerator):
+    """FFCx's generator of a cell kernel with sums over dofs outside the quadrature loop."""
+
+    def generate_quadrature_loop(self, quadrature_rule: Any, domain: Any) -> list[Any]:
+        """Return the loop over one quadrature rule with what goes before and after it."""
+        plan = self.backend.definitions.plan
+        plan.before, plan.after, plan.picks = [], [], {}
+        loop = super().generate_quadrature_loop(quadrature_rule, domain)
+        return [*plan.before, *loop, *plan.after]
+
+    def generate_block_parts(
+        self, quadrature_rule: Any, domain: Any, blockmap: tuple[Any, ...], blocklist: list[Any]
+    ) -> tuple[list[Any], list[Any]]:
+        """Return statements in the loop that collect what multiplies the test function."""
+        products = [_product(block.ma_data[0].tabledata) for block in blocklist]
+        if None in products:
+            return super().generate_block_parts(quadrature_rule, domain, blockmap, blocklist)
+        intermediates: list[Any] = []
+        groups: dict[tuple[Any, ...], list[Any]] = {}
+        for block, product in zip(blocklist, products, strict=True):
+            table = block.ma_data[0].tabledata
+            key = (table.name, table.block_size, table.offset)
+            factor, variable = self._weighted(quadrature_rule, domain, block)
+            intermediates += variable
+            groups.setdefault(key, [product]).append(factor)
+        statements = [self._collect(key, *group) for key, group in groups.items()]
+        symbols = [i.symbol for i in intermediates]
+        A = self.backend.symbols.element_tensor
+        return [L.Section("Collect", statements, [], symbols, [A])], intermediates
+
+    def _weighted(self, rule: Any, domain: Any, block: Any) -> tuple[Any, list[Any]]:
+        """Return the factor of the test function with its weight, and a variable for it if new."""
+        index = block.factor_indices_comp_indices[0][0]
+        nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
+        f = self.get_var(rule, domain, nodes[index]["expression"])
+        weight = self.backend.symbols.weights_table(rule)[self.backend.symbols.quadrature_loop_index]
+        symbol, known = self.get_temp_symbol("fw", (rule, index, block.all_factors_piecewise))
+        return symbol, [] if known else [L.VariableDecl(symbol, f * weight)]
+
+    def _collect(self, key: tuple[Any, ...], product: Product, *factors: Any) -> Any:
+        """Return the sum in the loop of what has one table; add its share to ``A`` after it."""
+        plan, A = self.backend.definitions.plan, self.backend.symbols.element_tensor
+        _, block, offset = key
+        total = plan.name("sum")
+        plan.before.append(L.ArrayDecl(total, sizes=product.rows))
+        zeros = [L.Assign(total[i], 0.0) for i in range(product.rows)]
+        plan.before.append(L.Section("Clear", zeros, [], [], [total]))
+        statements: list[Any] = []
+        sums = [total[i] for i in range(product.rows)]
+        for i, value in enumerate(scatter(product, sums, plan.store(statements))):
+            statements.append(L.AssignAdd(A[block * i + offset], value))
+        plan.after.append(L.Section("Element vector", statements, [], [total], [A]))
+        row = plan.row(product, self.backend.symbols.quadrature_loop_index)
+        return L.AssignAdd(total[row], sum(factors[1:], start=factors[0]))
+
+
+def _product(tabledata: Any) -> Product | None:
+    """Return the factors of a table of one cell, if it has factors and is small."""
+    values = tabledata.values
+    if tabledata.is_permuted or values.shape[:2] != (1, 1) or max(values.shape[2:]) > LARGEST:
+        return None
+    return factorise(values[0, 0])

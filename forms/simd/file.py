@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What stands at the head of the generated C file: lane types, lane functions, gather, scatter."""
+
+from typing import Any
+
+from ffcx.codegeneration.C import file as scalar_file
+from ffcx.codegeneration.C.formatter import math_table
+from ffcx.codegeneration.utils import dtype_to_c_type
+
+suffixes = scalar_file.suffixes
+
+# VECTOR_BYTES and STORED (type of the arrays in memory) come from the command line, see
+# forms/native.py. Padding lanes repeat a cell, so that they compute nothing unusual.
+LANES = """
+typedef {real} real;
+typedef STORED stored;
+#define LANES ((int)(VECTOR_BYTES / sizeof(real)))
+typedef real vec __attribute__((vector_size(VECTOR_BYTES)));
+typedef int{bits}_t mask __attribute__((vector_size(VECTOR_BYTES)));
+
+static inline vec splat(real x) {{ return (vec){{0}} + x; }}
+
+static inline vec blend(mask m, vec a, vec b) {{ return (vec)((m & (mask)a) | (~m & (mask)b)); }}
+
+static inline vec lanes_powi(vec x, int n)
+{{
+  vec y = splat(1);
+  for (int k = n < 0 ? -n : n; k > 0; k /= 2, x *= x)
+    if (k % 2)
+      y *= x;
+  return n < 0 ? 1 / y : y;
+}}
+
+/* to[k * bs + i] = from[bs * dofs[k] + i] for the n dofs of every lane */
+static inline void gather(vec *restrict to, const stored *restrict from,
+                          const int32_t *restrict dofs, int n, int bs)
+{{
+  for (int k = 0; k < n; ++k)
+    for (int i = 0; i < bs; ++i)
+      for (int l = 0; l < LANES; ++l)
+        to[k * bs + i][l] = from[bs * dofs[k * LANES + l] + i];
+}}
+
+/* to[bs * dofs[k] + i] += from[k * bs + i] for the n dofs of the first lanes: cells share nodes */
+static inline void scatter(stored *restrict to, const vec *restrict from,
+                           const int32_t *restrict dofs, int n, int bs, int lanes)
+{{
+  for (int l = 0; l < lanes; ++l)
+    for (int k = 0; k < n; ++k)
+      for (int i = 0; i < bs; ++i)
+        to[bs * dofs[k * LANES + l] + i] += from[k * bs + i][l];
+}}
+"""
+
+UNARY = """
+static inline vec lanes_{name}(vec x)
+{{
+  for (int l = 0; l < LANES; ++l)
+    x[l] = {function}(x[l]);
+  return x;
+}}
+"""
+
+BINARY = """
+static inline vec lanes_{name}(vec x, vec y)
+{{
+  for (int l = 0; l < LANES; ++l)
+    x[l] = {function}(x[l], y[l]);
+  return x;
+}}
+"""
+
+BESSEL = """
+static inline vec lanes_{name}(int n, vec x)
+{{
+  for (int l = 0; l < LANES; ++l)
+    x[l] = {function}(n, x[l]);
+  return x;
+}}
+"""
+
+TEMPLATES = {
+    **dict.fromkeys(("power", "atan_2", "min_value", "max_value"), BINARY),
+    **dict.fromkeys(("bessel_j", "bessel_y"), BESSEL),
+}
+
+
+def generator(options: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return start and end of header and source: FFCx's own, then the lanes."""
+    (header, source), post = scalar_file.generator(options)
+    real = dtype_to_c_type(options["scalar_type"])
+    source += LANES.format(real=real, bits=64 if real == "double" else 32)
+    for name, function in math_table["float64" if real == "double" else "float32"].items():
+        source += TEMPLATES.get(name, UNARY).format(name=name, function=function)
+    return (header, source), post

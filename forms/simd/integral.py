@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cell kernel over lanes, and the loop over batches of cells around it."""
+
+from typing import Any
+
+import basix
+import numpy as np
+from ffcx.codegeneration.backend import FFCXBackend
+from ffcx.codegeneration.C import integral_template
+from ffcx.codegeneration.utils import dtype_to_c_type
+from ffcx.ir.representation import IntegralIR
+from ufl import Argument
+
+from forms.simd.contraction import Definitions, Generator
+from forms.simd.formatter import Formatter
+
+# The loop takes its addresses as ``custom_data``, an array of 64-bit integers in this order:
+# number of cells, coordinates, their dofs, dofs of the test function, then values and dofs of each
+# coefficient, then the values of each constant. All dofs are int32 ``[batch][dof][lane]``.
+LOOP = """
+static inline void cell_{name}(vec *restrict A, const vec *restrict w, const real *restrict c,
+                               const vec *restrict coordinate_dofs)
+{{
+{kernel}
+}}
+
+static void tabulate_tensor_{name}(real *restrict values, const real *restrict w_,
+                                   const real *restrict c_, const real *restrict x_,
+                                   const int *restrict entity, const uint8_t *restrict permutation,
+                                   void *custom_data)
+{{
+  const int64_t *data = custom_data;
+  const int64_t batches = (data[0] + LANES - 1) / LANES;
+  const stored *x = (const stored *)data[1];
+  stored *out = (stored *)values;
+  real c[{constants} + 1];
+  for (int i = 0, j = 0; i < {constant_count}; ++i)
+    for (int k = 0; k < ((const int[]){constant_sizes})[i]; ++k)
+      c[j++] = ((const stored *)data[{first_constant} + i])[k];
+  for (int64_t b = 0; b < batches; ++b)
+  {{
+    vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{size}];
+    gather(coordinate_dofs, x, (const int32_t *)data[2] + b * {coordinates} / 3 * LANES,
+           {coordinates} / 3, 3);
+{gathers}
+    for (int i = 0; i < {size}; ++i)
+      A[i] = splat(0);
+    cell_{name}(A, w, c, coordinate_dofs);
+    const int32_t *rows = (const int32_t *)data[3] + b * {size} / {block} * LANES;
+    if (b + 1 < batches)
+      scatter(out, A, rows, {size} / {block}, {block}, LANES);
+    else
+      scatter(out, A, rows, {size} / {block}, {block}, (int)(data[0] - b * LANES));
+  }}
+}}
+
+{enabled_init}
+
+ufcx_integral {name} =
+{{
+  .enabled_coefficients = {enabled},
+  .tabulate_tensor_{dtype} = tabulate_tensor_{name},
+  .coordinate_element_hash = UINT64_C({coordinate_hash}),
+  .domain = {domain},
+}};
+"""
+
+GATHER = """    gather(w + {offset}, (const stored *)data[{data}],
+           (const int32_t *)data[{data} + 1] + b * {count} * LANES, {count}, {block});"""
+
+FIRST_COEFFICIENT = 4  # position of the first coefficient among the addresses
+
+
+def generator(
+    ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]
+) -> tuple[str, str]:
+    """Return declaration and implementation of one integral (interface of FFCx's languages).
+
+    Raises:
+        NotImplementedError: if it is not a cell integral of rank 1.
+    """
+    expression = ir.expression
+    if expression.integral_type != "cell" or len(expression.tensor_shape) != 1:
+        raise NotImplementedError("forms.simd: expected cell integrals of rank 1")
+    name = f"{expression.name}_{domain.name}"
+    backend = FFCXBackend(ir, options)
+    backend.definitions = Definitions(backend, options)
+    kernel = Formatter(options["scalar_type"])(Generator(ir, backend).generate(domain))
+    constants = expression.original_constant_offsets
+    sizes = [int(np.prod(k.ufl_shape, dtype=int)) for k in constants]
+    implementation = LOOP.format(
+        name=name,
+        kernel=kernel,
+        constants=sum(sizes),
+        constant_count=len(sizes),
+        constant_sizes="{" + ", ".join(map(str, [*sizes, 0])) + "}",
+        first_constant=FIRST_COEFFICIENT + 2 * len(expression.coefficient_numbering),
+        coordinates=expression.number_coordinate_dofs,
+        coefficients=sum(k.ufl_element().dim for k in expression.coefficient_offsets),
+        size=expression.tensor_shape[0],
+        block=_argument_block(ir),
+        gathers=_gathers(ir),
+        enabled=f"enabled_{name}" if ir.enabled_coefficients else "NULL",
+        enabled_init=_enabled(ir, name),
+        dtype=np.dtype(options["scalar_type"]).name,
+        coordinate_hash=expression.coordinate_element_hash,
+        domain=int(domain),
+    )
+    return integral_template.declaration.format(factory_name=name), implementation
+
+
+def _gathers(ir: IntegralIR) -> str:
+    """Return the calls that gather the coefficients which the integral uses."""
+    numbers = ir.expression.coefficient_numbering
+    return "\n".join(
+        GATHER.format(
+            offset=offset,
+            data=FIRST_COEFFICIENT + 2 * numbers[k],
+            count=k.ufl_element().dim // k.ufl_element().block_size,
+            block=k.ufl_element().block_size,
+        )
+        for k, offset in ir.expression.coefficient_offsets.items()
+        if ir.enabled_coefficients[numbers[k]]
+    )
+
+
+def _argument_block(ir: IntegralIR) -> int:
+    """Return the block size of the test function."""
+    terminals = [
+        mt.terminal
+        for integrand in ir.expression.integrand.values()
+        for mt in integrand["modified_arguments"]
+    ]
+    (block,) = {t.ufl_element().block_size for t in terminals if isinstance(t, Argument)}
+    return int(block)
+
+
+def _enabled(ir: IntegralIR, name: str) -> str:
+    """Return the table of which coefficients the integral uses."""
+    if not ir.enabled_coefficients:
+        return ""
+    values = ", ".join(str(int(e)) for e in ir.enabled_coefficients)
+    return f"static bool enabled_{name}[{len(ir.enabled_coefficients)}] = {{{values}}};"

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Tables of basis functions as products of one-dimensional factors (sum factorisation)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
+
+import ffcx.codegeneration.lnodes as L
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+ROUND_OFF = 1e-14
+Store = Callable[[Any], Any]  # gives an expression a name, so that it is computed once
+
+
+@dataclass(frozen=True)
+class Product:
+    """A table ``T[q, d] = f0[i, a] f1[j, b] f2[k, c]`` over points q = (i, j, k).
+
+    Attributes:
+        factors: Distinct rows of the three factors, shapes ``(rows, m)``.
+        order: Axis of the dofs ``d`` that each factor acts on.
+        pick: Row of the three factors, numbered as one, at each point, shape ``(q,)``.
+    """
+
+    factors: tuple[Array, ...]
+    order: tuple[int, ...]
+    pick: npt.NDArray[np.int64]
+
+    @property
+    def rows(self) -> int:
+        """Number of distinct rows of the table."""
+        return int(np.prod([len(f) for f in self.factors]))
+
+
+def factorise(table: Array) -> Product | None:
+    """Return the factors of a table, shape ``(q, d)``, or ``None`` if it has none.
+
+    Points and dofs of hexahedra are cubes of numbers, each in one of two nestings of the axes.
+    """
+    n, m = (round(size ** (1 / 3)) for size in table.shape)
+    if (n**3, m**3) != table.shape or not np.any(table):
+        return None
+    for order in permutations(range(3)):
+        axes = [axis for i, d in enumerate(order) for axis in (i, 3 + d)]
+        cube = table.reshape(n, n, n, m, m, m).transpose(axes).reshape(n * m, n * m, n * m)
+        peak = np.unravel_index(np.argmax(np.abs(cube)), cube.shape)
+        fibres = [np.moveaxis(cube, i, 0)[(slice(None), *np.delete(peak, i))] for i in range(3)]
+        fibres = [f / cube[peak] for f in fibres]  # the largest entry is one: no product with it
+        scale = cube[peak]
+        if np.allclose(
+            scale * np.einsum("i,j,k", *fibres), cube, rtol=0, atol=ROUND_OFF * abs(scale)
+        ):
+            return _distinct([f.reshape(n, m) for f in fibres], order, scale)
+    return None
+
+
+def _distinct(factors: list[Array], order: tuple[int, ...], scale: float) -> Product:
+    """Drop repeated rows of the factors; the scale goes to the factor that is used last."""
+    kept, picks = [], []
+    for factor in factors:
+        factor = np.where(np.abs(factor) < ROUND_OFF, 0.0, factor)
+        ones = np.isclose(np.abs(factor), 1, rtol=0, atol=ROUND_OFF)
+        rounded = np.where(ones, np.sign(factor), factor)
+        pick: list[int] = []
+        rows: list[Array] = []
+        for row in rounded:
+            same = [i for i, r in enumerate(rows) if np.allclose(r, row, rtol=0, atol=ROUND_OFF)]
+            pick.append(same[0] if same else len(rows))
+            rows += [] if same else [row]
+        kept.append(np.array(rows))
+        picks.append(np.array(pick))
+    shape = [len(rows) for rows in kept]
+    pick3 = np.ravel_multi_index(np.meshgrid(*picks, indexing="ij"), shape).ravel()
+    last = _by_rows(kept)[-1]
+    kept[last] = scale * kept[last]
+    return Product(tuple(kept), order, pick3)
+
+
+def evaluate(product: Product, dofs: Sequence[Any], store: Store) -> list[Any]:
+    """Return the distinct values ``Σ_d T[q, d] dofs[d]``, one factor after the other.
+
+    Args:
+        product: The table.
+        dofs: Expressions of the ``m³`` dofs.
+        store: Called with each partial sum; returns what stands for it.
+    """
+    values = _cube(dofs).transpose(product.order)
+    for axis in _by_rows(product.factors):
+        values = _apply(product.factors[axis], values, axis, store)
+    return list(values.ravel())
+
+
+def scatter(product: Product, values: Sequence[Any], store: Store) -> list[Any]:
+    """Return ``Σ_q T[q, d] values[q]`` for each dof d, where equal rows are summed already.
+
+    Args:
+        product: The table.
+        values: Expressions of the sums over points with the same row, in the order of ``pick``.
+        store: Called with each partial sum; returns what stands for it.
+    """
+    cube = np.empty(len(values), dtype=object)
+    cube[:] = values
+    cube = cube.reshape([len(f) for f in product.factors])
+    for axis in reversed(_by_rows(product.factors)):
+        cube = _apply(product.factors[axis].T, cube, axis, store)
+    return list(cube.transpose(np.argsort(product.order)).ravel())
+
+
+def _by_rows(factors: Sequence[Array]) -> list[int]:
+    """Axes by number of rows: the sooner a sum shrinks, the less there is to do."""
+    return sorted(range(3), key=lambda axis: len(factors[axis]))
+
+
+def _cube(items: Sequence[Any]) -> npt.NDArray[Any]:
+    """Return the expressions as an array of shape ``(m, m, m)``."""
+    cube = np.empty(len(items), dtype=object)
+    cube[:] = items
+    m = round(len(items) ** (1 / 3))
+    return cube.reshape(m, m, m)
+
+
+def _apply(factor: Array, values: npt.NDArray[Any], axis: int, store: Store) -> npt.NDArray[Any]:
+    """Multiply the expressions along one axis by a matrix, shape ``(rows, values.shape[axis])``."""
+    lines = np.moveaxis(values, axis, 0)
+    result = np.empty((len(factor), *lines.shape[1:]), dtype=object)
+    for index in np.ndindex(lines.shape[1:]):
+        for i, row in enumerate(factor):
+            result[(i, *index)] = store(_dot(row, lines[(slice(None), *index)]))
+    return np.moveaxis(result, 0, axis)
+
+
+def _dot(row: Array, values: Sequence[Any]) -> Any:
+    """Return ``Σ row[j] values[j]``; products with 0, 1 and -1 are left out."""
+    total: Any = L.LiteralFloat(0.0)
+    for coefficient, value in zip(row, values, strict=True):
+        total = total + L.LiteralFloat(float(coefficient)) * value
+    return total
