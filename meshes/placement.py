@@ -128,7 +128,7 @@ def place(
     shift: float = 0.0,
     yaw: float = 0.0,
     tape: float = TAPE,
-    flange_from: float = np.radians(60.0),
+    flange_from: float = np.radians(66.0),
 ) -> Placement:
     """Return the wheel lowered until its tread first touches the rail.
 

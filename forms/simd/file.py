@@ -37,8 +37,13 @@ static inline void gather(vec *restrict to, const stored *restrict from,
 {{
   for (int k = 0; k < n; ++k)
     for (int i = 0; i < bs; ++i)
+    {{
+      vec v;
+#pragma GCC unroll 16
       for (int l = 0; l < LANES; ++l)
-        to[k * bs + i][l] = from[bs * dofs[k * LANES + l] + i];
+        v[l] = from[bs * dofs[k * LANES + l] + i];
+      to[k * bs + i] = v;
+    }}
 }}
 
 /* to[bs * dofs[k] + i] += from[k * bs + i] for the n dofs of the first lanes: cells share nodes */
