@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rank-1 UFL forms over hexahedra as native code over batches of cells."""
+"""Rank-1 UFL forms over hexahedra as native code that computes several cells at once."""
 
 import hashlib
 import os
 import shlex
 import subprocess
 import sysconfig
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,89 +16,189 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, jit
 
-from forms.batches import by_lane, integral_cells
+from forms.batches import batches, integral_cells
 
-# With finite-math on, the compiler may assume that no NaN occurs; the guards rely on them.
+# Fast-math, but NaN and infinity keep their meaning: the guards look for them.
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
 CTYPES = {"float64": "double", "float32": "float"}
+TIMEOUT = 120  # for another process that compiles the same form [s]
 
 
 class Unsupported(ValueError):
-    """The form is beyond the native engine; DOLFINx can still assemble it."""
+    """The form is beyond the native engine, but DOLFINx may assemble it."""
+
+
+@dataclass(frozen=True)
+class Host:
+    """What generated code depends on beside the form: one per run, that of rank 0.
+
+    Attributes:
+        vector_bytes: Width of the widest vector registers [byte].
+        key: Hash of compiler, CPU and the code generator.
+    """
+
+    vector_bytes: int
+    key: str
+
+    def flags(self, stored: str) -> list[str]:
+        """Return the compiler's arguments for arrays of type ``stored``."""
+        defines = {
+            "VECTOR_BYTES": self.vector_bytes,
+            "STORED": CTYPES[stored],
+            "SQUEALX_HOST": f"0x{self.key}",  # read by nobody: FFCx's cache goes by the arguments
+        }
+        return [*FLAGS, *(f"-D{name}={value}" for name, value in defines.items())]
 
 
 @cache
-def host_macros() -> str:
-    """Return what the C compiler predefines for this machine: its own version and the CPU."""
+def this_host() -> Host:
+    """Return this machine as the C compiler sees it with ``-march=native``."""
     compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
     command = [*compiler, "-march=native", "-dM", "-E", "-x", "c", os.devnull]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
-
-
-def vector_bytes(macros: str) -> int:
-    """Return the width of the widest vector registers [byte]."""
-    for macro, width in (("__AVX512F__", 64), ("__AVX__", 32)):
-        if f"#define {macro} " in macros:
-            return width
-    return 16
-
-
-def compile_arguments(stored: str) -> list[str]:
-    """Return the compiler's arguments; they name all that the code depends on beside the form."""
-    macros = host_macros()
-    sources = b"".join(p.read_bytes() for p in sorted((Path(__file__).parent / "simd").glob("*.py")))
-    host = hashlib.sha1(macros.encode() + sources).hexdigest()[:16]
-    return [
-        *FLAGS,
-        f"-DVECTOR_BYTES={vector_bytes(macros)}",
-        f"-DSTORED={CTYPES[stored]}",
-        f"-DSQUEALX_HOST=0x{host}",
-    ]
+    macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    widths = {"__AVX512F__": 64, "__AVX__": 32}
+    width = next((w for m, w in widths.items() if f"#define {m} " in macros), 16)
+    sources = sorted((Path(__file__).parent / "simd").glob("*.py"))
+    state = macros.encode() + b"".join(path.read_bytes() for path in sources)
+    return Host(width, hashlib.sha256(state).hexdigest()[:16])
 
 
 class NativeKernel:
+    """A rank-1 UFL form over hexahedra, compiled for this machine and applied in place.
+
+    ``NativeKernel(form).add(out)`` adds the form evaluated with the present values of its
+    coefficients and constants; ``add(u, v, out)`` first takes the given values in the order of
+    ``form.coefficients()``. Coordinates, coefficients and ``out`` are read and written where they
+    are; what is stored beside them is the dofs of the cells in batches, 32 bytes per cell for each
+    P1 space. Compiled code is kept in DOLFINx's cache folder; construction is collective.
+
+    Args:
+        form: Sum of cell integrals with any tags and quadrature degrees.
+        dtype: Type that is computed with, float64 or float32; arrays keep the type of the mesh.
+
+    Raises:
+        Unsupported: if the form is not rank 1, has other than cell integrals, or other cells than
+            hexahedra, or a space whose dofs depend on the orientation of the cell.
+    """
+
     def __init__(self, form: Any, dtype: npt.DTypeLike = np.float64) -> None:
-        self.dtype = np.dtype(dtype)
+        check(form, np.dtype(dtype))
+        self.coefficients = form.coefficients()
         msh = form.ufl_domain().ufl_cargo()
-        stored = np.dtype(msh.geometry.x.dtype)
-        arguments = compile_arguments(stored.name)
+        host = msh.comm.bcast(this_host() if msh.comm.rank == 0 else None, root=0)
+        self._stored = np.dtype(msh.geometry.x.dtype)
         compiled, self._module, _ = jit.ffcx_jit(
             msh.comm,
             form,
-            form_compiler_options={"scalar_type": self.dtype.name, "language": "forms.simd"},
-            jit_options={"cffi_extra_compile_args": arguments, "cffi_libraries": ["m"], "timeout": 300},
+            form_compiler_options={"scalar_type": np.dtype(dtype).name, "language": "forms.simd"},
+            jit_options={
+                "cffi_extra_compile_args": host.flags(self._stored.name),
+                "cffi_libraries": ["m"],
+                "timeout": TIMEOUT,
+            },
         )
-        self.coefficients = form.coefficients()
-        lanes = vector_bytes(host_macros()) // self.dtype.itemsize
-        ffi = self._module.ffi
-        ids = [compiled.form_integral_ids[i] for i in range(compiled.form_integral_offsets[1])]
         (argument,) = form.arguments()
-        self.calls = []
-        keep = self._keep = []
-        order = [compiled.original_coefficient_positions[i] for i in range(compiled.num_coefficients)]
-        for i, cells in enumerate(integral_cells(form, ids)):
-            addr = [len(cells)]
-            def add(a):
-                keep.append(a); addr.append(a.ctypes.data)
-            add(msh.geometry.x)
-            add(by_lane(msh.geometry.dofmaps[0], cells, lanes))
-            add(by_lane(argument.ufl_function_space().dofmap.list, cells, lanes))
-            for k in order:
-                f = self.coefficients[k]
-                add(f.x.array)
-                add(by_lane(f.function_space.dofmap.list, cells, lanes))
-            for c in form.constants():
-                add(c.value)
-            data = np.array(addr, dtype=np.int64)
-            keep.append(data)
-            self.calls.append((getattr(compiled.form_integrals[i], f"tabulate_tensor_{self.dtype.name}"), ffi.cast("void *", data.ctypes.data)))
-        self.ffi = ffi
-        self.real = f"{CTYPES[self.dtype.name]} *"
+        V = argument.ufl_function_space()
+        self._size = V.dofmap.bs * (V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts)
+        self._values = [f.x.array for f in self.coefficients]
+        self._real = f"{CTYPES[np.dtype(dtype).name]} *"
+        lanes = host.vector_bytes // np.dtype(dtype).itemsize
+        self._keep: list[Any] = []  # what the addresses point to
+        self._calls = self._prepare(form, compiled, f"tabulate_tensor_{np.dtype(dtype)}", lanes)
 
     def add(self, *arguments: Any) -> None:
+        """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.
+
+        Ghost entries hold this rank's share only: the caller reverse-scatters once for all forces.
+
+        Args:
+            arguments: Optional coefficient values (functions or local arrays) followed by ``out``,
+                a local array or a ``dolfinx.la.Vector``.
+
+        Raises:
+            ValueError: if the number of values or the type or size of ``out`` is wrong.
+        """
         *values, out = arguments
+        if values:
+            self._take(values)
         array = out.array if isinstance(out, dolfinx.la.Vector) else out
-        p = self.ffi.cast(self.real, self.ffi.from_buffer(array))
-        null = self.ffi.NULL
-        for f, d in self.calls:
-            f(p, null, null, null, null, null, d)
+        if array.dtype != self._stored or array.shape != (self._size,):
+            raise ValueError(
+                f"out: expected {self._stored} ({self._size},), got {array.dtype} {array.shape}"
+            )
+        ffi, null = self._module.ffi, self._module.ffi.NULL
+        address = ffi.cast(self._real, ffi.from_buffer(array, require_writable=True))
+        for function, data in self._calls:
+            function(address, null, null, null, null, null, data)
+
+    def _take(self, values: list[Any]) -> None:
+        """Copy the given values into the coefficients, unless they are the same memory."""
+        if len(values) != len(self._values):
+            raise ValueError(
+                f"coefficients: expected none or {len(self._values)}, got {len(values)}"
+            )
+        for own, value in zip(self._values, values, strict=True):
+            given = np.asarray(value.x.array if isinstance(value, fem.Function) else value)
+            if given.ctypes.data != own.ctypes.data:
+                own[:] = given
+
+    def _prepare(self, form: Any, compiled: Any, name: str, lanes: int) -> list[tuple[Any, Any]]:
+        """Return each compiled integral with the addresses that it reads (forms/simd/integral)."""
+        integrals = [compiled.form_integrals[i] for i in range(compiled.form_integral_offsets[1])]
+        ids = [compiled.form_integral_ids[i] for i in range(len(integrals))]
+        cells: dict[Any, list[Any]] = {}  # dx((1, 2)) is one integral with two ids
+        for integral, own in zip(integrals, integral_cells(form, ids), strict=True):
+            cells.setdefault(getattr(integral, name), []).append(own)
+        positions = compiled.original_coefficient_positions
+        order = [positions[i] for i in range(compiled.num_coefficients)]
+        return [
+            (function, self._addresses(form, order, np.concatenate(parts), lanes))
+            for function, parts in cells.items()
+        ]
+
+    def _addresses(self, form: Any, order: list[int], cells: Any, lanes: int) -> Any:
+        """Return the addresses of one integral as C takes them."""
+        geometry = form.ufl_domain().ufl_cargo().geometry
+        (argument,) = form.arguments()
+        spaces = [argument.ufl_function_space()]
+        spaces += [self.coefficients[k].function_space for k in order]
+        dofs = batches([geometry.dofmaps[0], *(V.dofmap.list for V in spaces)], cells, lanes)
+        arrays = [geometry.x, dofs[0], dofs[1]]
+        for k, own in zip(order, dofs[2:], strict=True):
+            arrays += [self._values[k], own]
+        arrays += [constant.value for constant in form.constants()]
+        data = np.array([len(cells), *(a.ctypes.data for a in arrays)], dtype=np.int64)
+        self._keep += [*arrays, data]
+        return self._module.ffi.cast("void *", data.ctypes.data)
+
+
+def check(form: Any, dtype: np.dtype[Any]) -> None:
+    """Raise ``Unsupported`` for what the generated code does not cover.
+
+    Args:
+        form: UFL form.
+        dtype: Type that is computed with.
+    """
+    arguments = form.arguments()
+    if len(arguments) != 1:
+        raise Unsupported(f"form: expected rank 1 (one test function), got rank {len(arguments)}")
+    kinds = {integral.integral_type() for integral in form.integrals()}
+    if kinds != {"cell"}:
+        raise Unsupported(f"form: expected cell integrals only, got {sorted(kinds)}")
+    if dtype.name not in CTYPES:
+        raise Unsupported(f"dtype: expected float64 or float32, got {dtype}")
+    domains = {integral.ufl_domain() for integral in form.integrals()}
+    cell = ", ".join(sorted({domain.ufl_cell().cellname for domain in domains}))
+    if len(domains) > 1 or cell != "hexahedron":
+        raise Unsupported(f"form: expected one mesh of hexahedra, got {len(domains)} of {cell}")
+    msh = domains.pop().ufl_cargo()
+    for constant in form.constants():
+        if constant.value.dtype != msh.geometry.x.dtype:
+            raise Unsupported(f"constant: expected the mesh's type, got {constant.value.dtype}")
+    for f in form.coefficients():
+        if not isinstance(f, fem.Function) or f.x.array.dtype != msh.geometry.x.dtype:
+            raise Unsupported(f"coefficient: expected a Function of the mesh's type, got {f!r}")
+    for f in [*arguments, *form.coefficients()]:
+        V = f.ufl_function_space()
+        if V.mesh._cpp_object is not msh or V.element.needs_dof_transformations:
+            raise Unsupported(f"space: expected the form's mesh and plain dofs, got {V!r}")

@@ -142,7 +142,9 @@ class Generator(IntegralGenerator):
         index = block.factor_indices_comp_indices[0][0]
         nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
         f = self.get_var(rule, domain, nodes[index]["expression"])
-        weight = self.backend.symbols.weights_table(rule)[self.backend.symbols.quadrature_loop_index]
+        weight = self.backend.symbols.weights_table(rule)[
+            self.backend.symbols.quadrature_loop_index
+        ]
         symbol, known = self.get_temp_symbol("fw", (rule, index, block.all_factors_piecewise))
         return symbol, [] if known else [L.VariableDecl(symbol, f * weight)]
 

@@ -71,9 +71,7 @@ GATHER = """    gather(w + {offset}, (const stored *)data[{data}],
 FIRST_COEFFICIENT = 4  # position of the first coefficient among the addresses
 
 
-def generator(
-    ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]
-) -> tuple[str, str]:
+def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -> tuple[str, str]:
     """Return declaration and implementation of one integral (interface of FFCx's languages).
 
     Raises:
