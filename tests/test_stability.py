@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from forms.elasticity import Elastic, full, small_strain
-from forms.stability import cell_frequency, stable_step
+from forms.stability import assembled_frequency, cell_frequency, stable_step
 from meshes import blocks
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
@@ -133,3 +133,21 @@ def test_damping_shortens_the_stable_step_as_much_as_it_should(beta, alpha):
 def test_undamped_step_is_two_over_omega():
     """ω dt = 2."""
     assert stable_step(8.0) == pytest.approx(0.25, rel=1e-15)
+
+
+@pytest.mark.parametrize(("nu", "aspect", "ratio"), [(0.3, 1, 1), (0.49, 10, 1), (0.3, 1, 1e6)])
+def test_lanczos_finds_the_assembled_frequency(nu, aspect, ratio):
+    """Matrix-free Lanczos against the dense eigenvalue: not below it, 0.1 % above at most."""
+    mesh = blocks.block((0, 0, 0), (4 * aspect, 4, 4), cells=(4, 4, 4))
+    domain, residual, inertia = body(blocks.distorted(mesh, amplitude=0.3, seed=10), nu, ratio)
+    mass = fem.assemble_vector(fem.form(inertia(ufl.TestFunction(domain.V)))).array
+    found, converged = assembled_frequency(domain.V, residual, mass)
+    dense = largest_frequency(domain, residual, inertia)
+    assert converged
+    assert 1 - 1e-9 <= found / dense <= 1 + 1e-3
+
+
+def test_lanczos_says_when_it_has_not_converged():
+    domain, residual, inertia = body(blocks.block((0, 0, 0), (4, 4, 4), cells=(4, 4, 4)), 0.3)
+    mass = fem.assemble_vector(fem.form(inertia(ufl.TestFunction(domain.V)))).array
+    assert not assembled_frequency(domain.V, residual, mass, iterations=5)[1]

@@ -17,7 +17,7 @@ from forms.elasticity import ENERGIES, RESIDUALS, Elastic, exact, full
 from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
-from forms.stability import cell_frequency, stable_step
+from forms.stability import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain
 from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
 from workflow.clock import Clock
@@ -138,7 +138,7 @@ def compiled(scene: Scene, domain: Domain, placement: Any) -> Model:
     mass.array[:] = lumped_mass(V, dx, densities)
     w = ufl.TestFunction(V)
     damped = any(b.stiffness_damping for b in scene.bodies.values())
-    bound = step_bound(scene, domain, materials)
+    bound = step_bound(scene, domain, materials, mass.array)
     # outputs fall on steps
     per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
     return Model(
@@ -176,9 +176,25 @@ def strain_energy(scene: Scene, materials: dict[str, Elastic], dx: Any, u: Any) 
     )
 
 
-def step_bound(scene: Scene, domain: Domain, materials: dict[str, Elastic]) -> float:
-    """Return the largest stable step of the bodies by themselves, from their cells [s]."""
+def step_bound(scene: Scene, domain: Domain, materials: dict[str, Elastic], mass: Array) -> float:
+    """Return the largest stable step [s]: of the cells, or of the assembled system with contact.
+
+    A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum of
+    their penalties to ``(ω dt)²``; the cell bound has that much in hand.
+    """
     dx = full(domain.msh, domain.regions)
+    bodies = scene.bodies.values()
+    damping = max(b.stiffness_damping for b in bodies), max(b.mass_damping for b in bodies)
+
+    def stiffness(u: Any, w: Any) -> Any:
+        return residual(scene, materials, dx, u, w)
+
+    if scene.time.bound == "assembled":
+        frequency, converged = assembled_frequency(domain.V, stiffness, mass)
+        springs = sum(contact.penalty for contact in scene.contacts.values())
+        if converged and springs < 4 * scene.time.safety**2:
+            share = np.sqrt(1 - springs / (2 * scene.time.safety) ** 2)
+            return float(share * stable_step(frequency, *damping))
     ones = ufl.as_vector([1.0, 1.0, 1.0])
 
     def inertia(w: Any) -> Any:
@@ -188,16 +204,7 @@ def step_bound(scene: Scene, domain: Domain, materials: dict[str, Elastic]) -> f
             for name, body in scene.bodies.items()
         )
 
-    def stiffness(u: Any, w: Any) -> Any:
-        return residual(scene, materials, dx, u, w)
-
-    frequency = cell_frequency(domain.V, stiffness, inertia)
-    bodies = scene.bodies.values()
-    return stable_step(
-        frequency,
-        max(body.stiffness_damping for body in bodies),
-        max(body.mass_damping for body in bodies),
-    )
+    return stable_step(cell_frequency(domain.V, stiffness, inertia), *damping)
 
 
 def material(body: Body) -> Elastic:
