@@ -154,7 +154,7 @@ class Generator(IntegralGenerator):
         _, block, offset = key
         total = plan.name("sum")
         plan.before.append(L.ArrayDecl(total, sizes=product.rows))
-        zeros = [L.Assign(total[i], 0.0) for i in range(product.rows)]
+        zeros: list[Any] = [L.Assign(total[i], 0.0) for i in range(product.rows)]
         plan.before.append(L.Section("Clear", zeros, [], [], [total]))
         statements: list[Any] = []
         sums = [total[i] for i in range(product.rows)]

@@ -85,7 +85,7 @@ static inline vec lanes_{name}(int n, vec x)
 """
 
 TEMPLATES = {
-    **dict.fromkeys(("power", "atan_2", "min_value", "max_value"), BINARY),
+    **dict.fromkeys(("power", "atan2", "atan_2", "min_value", "max_value"), BINARY),
     **dict.fromkeys(("bessel_j", "bessel_y"), BESSEL),
 }
 
@@ -95,6 +95,7 @@ def generator(options: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]
     (header, source), post = scalar_file.generator(options)
     real = dtype_to_c_type(options["scalar_type"])
     source += LANES.format(real=real, bits=64 if real == "double" else 32)
-    for name, function in math_table["float64" if real == "double" else "float32"].items():
+    functions = math_table["float64" if real == "double" else "float32"]
+    for name, function in {**functions, "atan2": functions["atan_2"]}.items():
         source += TEMPLATES.get(name, UNARY).format(name=name, function=function)
     return (header, source), post

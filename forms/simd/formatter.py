@@ -96,7 +96,7 @@ class Formatter(ScalarFormatter):
     @__call__.register(L.EQ)
     @__call__.register(L.NE)
     def _(self, oper: Any) -> str:
-        return f"(({self.lanes(oper.lhs)}) {oper.op} ({self.lanes(oper.rhs)}))"
+        return f"(mask)(({self.lanes(oper.lhs)}) {oper.op} ({self.lanes(oper.rhs)}))"
 
     @__call__.register(L.And)
     @__call__.register(L.Or)
@@ -116,7 +116,8 @@ class Formatter(ScalarFormatter):
         """Format a function; powers with a small integer exponent are products."""
         function, args = call.function, call.args
         if not self.has_lanes(call):
-            return f"{math_table[self.scalar_type.name][function]}({', '.join(map(self, args))})"
+            name = math_table[self.scalar_type.name].get(function, function)
+            return f"{name}({', '.join(map(self, args))})"
         if function == "power" and (exponent := _small_integer(args[1])) is not None:
             return f"lanes_powi({self(args[0])}, {exponent})"
         if function in ("bessel_j", "bessel_y"):

@@ -7,7 +7,6 @@ import basix
 import numpy as np
 from ffcx.codegeneration.backend import FFCXBackend
 from ffcx.codegeneration.C import integral_template
-from ffcx.codegeneration.utils import dtype_to_c_type
 from ffcx.ir.representation import IntegralIR
 from ufl import Argument
 

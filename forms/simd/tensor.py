@@ -132,7 +132,7 @@ def _apply(factor: Array, values: npt.NDArray[Any], axis: int, store: Store) -> 
     return np.moveaxis(result, 0, axis)
 
 
-def _dot(row: Array, values: Sequence[Any]) -> Any:
+def _dot(row: Array, values: Any) -> Any:
     """Return ``Σ row[j] values[j]``; products with 0, 1 and -1 are left out."""
     total: Any = L.LiteralFloat(0.0)
     for coefficient, value in zip(row, values, strict=True):
