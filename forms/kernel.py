@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled cell kernels: the one place where a UFL one-form becomes native code and is applied."""
 
+import logging
 from typing import Any
 
 import dolfinx
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+
+from forms.native import NativeKernel, Unsupported
 
 Array = npt.NDArray[np.float64]
 
@@ -23,7 +26,8 @@ class CellKernel:
 
     ``CellKernel(form).add(out)`` adds the form evaluated with its own coefficients;
     ``add(u, v, out)`` first takes the given values in the order of ``form.coefficients()``.
-    The engine is DOLFINx assembly for now; callers see this class only.
+    The engine computes several cells at once; what it does not cover is assembled by DOLFINx, and
+    the log (logger ``squealx``) says why.
 
     Args:
         form: Sum of cell integrals, linear in one test function.
@@ -42,8 +46,12 @@ class CellKernel:
         if kinds != {"cell"}:
             raise ValueError(f"form: expected cell integrals only, got {sorted(kinds)}")
         self.coefficients = form.coefficients()
-        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
-        self.constants: Any = fem.pack_constants(self.compiled)
+        self.engine: NativeKernel | AssembledKernel
+        try:
+            self.engine = NativeKernel(form)
+        except Unsupported as reason:
+            logging.getLogger("squealx").info("assembled by DOLFINx: %s", reason)
+            self.engine = AssembledKernel(form)
 
     def add(self, *arguments: Any) -> None:
         """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.
@@ -54,6 +62,19 @@ class CellKernel:
             arguments: Optional coefficient values (functions or local arrays) followed by ``out``,
                 a local array or a ``dolfinx.la.Vector``.
         """
+        self.engine.add(*arguments)
+
+
+class AssembledKernel:
+    """The same by DOLFINx assembly, cell after cell, for any form that DOLFINx takes."""
+
+    def __init__(self, form: Any) -> None:
+        self.coefficients = form.coefficients()
+        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
+        self.constants: Any = fem.pack_constants(self.compiled)
+
+    def add(self, *arguments: Any) -> None:
+        """Add this rank's cells to the last argument, as ``CellKernel.add``."""
         *values, out = arguments
         if values and len(values) != len(self.coefficients):
             raise ValueError(
