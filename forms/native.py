@@ -19,7 +19,10 @@ from dolfinx import fem, jit
 from forms.batches import batches, integral_cells
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
+FLAGS = (
+    *("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"),
+    *("-fschedule-insns", "-fsched-pressure", "-w"),  # 4 % on long straight-line code
+)
 CTYPES = {"float64": "double", "float32": "float"}
 TIMEOUT = 120  # for another process that compiles the same form [s]
 

@@ -38,7 +38,7 @@ from ufl import (
 )
 
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
-from forms.native import NativeKernel, Unsupported
+from forms.native import Host, NativeKernel, Unsupported
 from meshes import blocks
 from meshes.domain import Domain, distribute
 
@@ -179,6 +179,15 @@ def test_single_precision_agrees_to_its_own_round_off(form):
     """The arrays stay in double precision; the error is that of the arithmetic."""
     domain, tags = box((3, 3, 3))
     assert 1e-9 < difference(form(domain, tags, 3), np.float32) < 1e-5
+
+
+@pytest.mark.parametrize("width", [16, 32, 64])
+@pytest.mark.parametrize("dtype, tolerance", [(np.float64, 1e-13), (np.float32, 1e-5)])
+def test_registers_of_any_width(monkeypatch, width, dtype, tolerance):
+    """Lanes of SSE2 and NEON, AVX2, and AVX-512: the compiler splits what the machine lacks."""
+    monkeypatch.setattr("forms.native.this_host", lambda: Host(width, "0"))
+    domain, tags = box((3, 3, 3))
+    assert difference(tags_and_degrees(domain, tags, 3), dtype) < tolerance
 
 
 def test_one_cell_that_has_no_tag_of_the_form():

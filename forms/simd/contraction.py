@@ -132,23 +132,26 @@ class Generator(IntegralGenerator):
             factor, variable = self._weighted(quadrature_rule, domain, block)
             intermediates += variable
             groups.setdefault(key, [product]).append(factor)
-        statements = [self._collect(key, *group) for key, group in groups.items()]
+        weight = _common_weight(quadrature_rule)
+        statements = [self._collect(key, weight, *group) for key, group in groups.items()]
         symbols = [i.symbol for i in intermediates]
         A = self.backend.symbols.element_tensor
         return [L.Section("Collect", statements, [], symbols, [A])], intermediates
 
     def _weighted(self, rule: Any, domain: Any, block: Any) -> tuple[Any, list[Any]]:
-        """Return the factor of the test function with its weight, and a variable for it if new."""
+        """Return what multiplies the test function at a point, and a variable for it if new."""
         index = block.factor_indices_comp_indices[0][0]
         nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
         f = self.get_var(rule, domain, nodes[index]["expression"])
-        weight = self.backend.symbols.weights_table(rule)[
-            self.backend.symbols.quadrature_loop_index
-        ]
+        if _common_weight(rule) is None:
+            symbols = self.backend.symbols
+            f = f * symbols.weights_table(rule)[symbols.quadrature_loop_index]
         symbol, known = self.get_temp_symbol("fw", (rule, index, block.all_factors_piecewise))
-        return symbol, [] if known else [L.VariableDecl(symbol, f * weight)]
+        return symbol, [] if known else [L.VariableDecl(symbol, f)]
 
-    def _collect(self, key: tuple[Any, ...], product: Product, *factors: Any) -> Any:
+    def _collect(
+        self, key: tuple[Any, ...], weight: float | None, product: Product, *factors: Any
+    ) -> Any:
         """Return the sum in the loop of what has one table; add its share to ``A`` after it."""
         plan, A = self.backend.definitions.plan, self.backend.symbols.element_tensor
         _, block, offset = key
@@ -158,11 +161,18 @@ class Generator(IntegralGenerator):
         plan.before.append(L.Section("Clear", zeros, [], [], [total]))
         statements: list[Any] = []
         sums = [total[i] for i in range(product.rows)]
-        for i, value in enumerate(scatter(product, sums, plan.store(statements))):
+        weighted = product if weight is None else product.scaled(weight)
+        for i, value in enumerate(scatter(weighted, sums, plan.store(statements))):
             statements.append(L.AssignAdd(A[block * i + offset], value))
         plan.after.append(L.Section("Element vector", statements, [], [total], [A]))
         row = plan.row(product, self.backend.symbols.quadrature_loop_index)
         return L.AssignAdd(total[row], sum(factors[1:], start=factors[0]))
+
+
+def _common_weight(rule: Any) -> float | None:
+    """Return the weight of all points, which can wait until after the loop, if they have one."""
+    first = float(rule.weights[0])
+    return first if np.allclose(rule.weights, first, rtol=1e-15, atol=0) else None
 
 
 def _product(tabledata: Any) -> Product | None:

@@ -2,7 +2,7 @@
 """Tables of basis functions as products of one-dimensional factors (sum factorisation)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Any
 
@@ -33,6 +33,12 @@ class Product:
     def rows(self) -> int:
         """Number of distinct rows of the table."""
         return int(np.prod([len(f) for f in self.factors]))
+
+    def scaled(self, factor: float) -> "Product":
+        """Return the table times a number."""
+        last = _by_rows(self.factors)[-1]  # its partial sums have products anyway
+        factors = tuple(factor * f if i == last else f for i, f in enumerate(self.factors))
+        return replace(self, factors=factors)
 
 
 def factorise(table: Array) -> Product | None:
@@ -74,9 +80,7 @@ def _distinct(factors: list[Array], order: tuple[int, ...], scale: float) -> Pro
         picks.append(np.array(pick))
     shape = [len(rows) for rows in kept]
     pick3 = np.ravel_multi_index(np.meshgrid(*picks, indexing="ij"), shape).ravel()
-    last = _by_rows(kept)[-1]
-    kept[last] = scale * kept[last]
-    return Product(tuple(kept), order, pick3)
+    return Product(tuple(kept), order, pick3).scaled(scale)
 
 
 def evaluate(product: Product, dofs: Sequence[Any], store: Store) -> list[Any]:
