@@ -142,6 +142,26 @@ def figures(
         print("\n".join(map(str, paths)))
 
 
+@app.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))
+def bench(
+    out: Annotated[Path, typer.Option(help="Folder for bench.json and bench.png.")] = Path(
+        "runs/bench"
+    ),
+    quick: Annotated[bool, typer.Option(help="Small blocks and rough numbers in seconds.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast this machine runs kernels, steps and contact: a table and a figure."""
+    if in_mpi():
+        raise SceneError("bench: expected to be started without mpiexec; it starts its own ranks")
+    from rich.console import Console
+
+    from workflow.bench import measure, show
+
+    progress = Console(stderr=True)
+    found = measure(out, quick, lambda line: progress.print(line, highlight=False))
+    print(json.dumps(found)) if as_json else show(found, Console())
+
+
 @app.command(epilog=examples("squealx version --json"))
 def version(as_json: Json = False) -> None:
     """Print the version of squealx and of what it stands on."""
