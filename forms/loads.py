@@ -119,23 +119,23 @@ class DriveTorque:
 
     def __post_init__(self) -> None:
         self.total = float(self.comm.allreduce(self.mass.sum()))
-        r = self._arm(self.reference)
-        self.inertia = float(self.comm.allreduce((self.mass * (r**2).sum(axis=1)).sum()))
+        turn = self._turn(self.reference)
+        self.inertia = float(self.comm.allreduce((self.mass * (turn**2).sum(axis=1)).sum()))
 
-    def _arm(self, x: Array) -> Array:
+    def _turn(self, x: Array) -> Array:
+        """Return ``n × r`` of the nodes at ``x``, ``r`` from the mean axis, shape ``(k, 3)``."""
         moment = self.mass @ x
         centre = (self.comm.allreduce(moment) if self.comm.size > 1 else moment) / self.total
-        r = x - centre
-        return np.asarray(r - np.outer(r @ self.axis, self.axis))
+        nx, ny, nz = self.axis
+        return np.asarray((x - centre) @ np.array([[0, nz, -ny], [-nz, 0, nx], [ny, -nx, 0]]))
 
     def add(self, state: Any, force: Any) -> None:
         """Add the torque and collect its work (trapezoidal in displacement)."""
         torque = self.torque * (min(1.0, state.t / self.ramp) if self.ramp > 0 else 1.0)
         u = state.u.x.array.reshape(-1, 3)[self.dofs]
-        r = self._arm(self.reference + u)
-        f = torque / self.inertia * self.mass[:, None] * np.cross(self.axis, r)
+        f = (torque / self.inertia * self.mass)[:, None] * self._turn(self.reference + u)
         force.array.reshape(-1, 3)[self.dofs] += f
         if self._last is not None:
             u0, f0 = self._last
-            self.work += float(((f0 + f) * (u - u0)).sum() / 2)
+            self.work += float(np.vdot(f0 + f, u - u0)) / 2
         self._last = (u, f)

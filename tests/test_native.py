@@ -4,6 +4,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ from ufl import (
 )
 
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
-from forms.native import Host, NativeKernel, Unsupported
+from forms.native import NativeKernel, Unsupported, this_host
 from meshes import blocks
 from meshes.domain import Domain, distribute
 
@@ -185,7 +186,8 @@ def test_single_precision_agrees_to_its_own_round_off(form):
 @pytest.mark.parametrize("dtype, tolerance", [(np.float64, 1e-13), (np.float32, 1e-5)])
 def test_registers_of_any_width(monkeypatch, width, dtype, tolerance):
     """Lanes of SSE2 and NEON, AVX2, and AVX-512: the compiler splits what the machine lacks."""
-    monkeypatch.setattr("forms.native.this_host", lambda: Host(width, "0"))
+    host = replace(this_host(), vector_bytes=width)
+    monkeypatch.setattr("forms.native.this_host", lambda: host)
     domain, tags = box((3, 3, 3))
     assert difference(tags_and_degrees(domain, tags, 3), dtype) < tolerance
 
