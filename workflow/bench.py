@@ -10,12 +10,15 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
+import dolfinx
+import ffcx
 import numpy as np
 from dolfinx import jit
 
@@ -26,7 +29,6 @@ from workflow import bench_roofline as roofline
 if TYPE_CHECKING:
     from rich.console import Console
 
-PACKAGES = ("squealx", "fenics-dolfinx", "fenics-ffcx", "fenics-ufl", "numpy", "petsc4py", "mpi4py")
 TIMEOUT = 300  # for one run on ranks [s]
 PER_RUN = 3  # rounds of steps in each of these runs
 
@@ -73,24 +75,25 @@ def host() -> dict[str, Any]:
     """Return what the numbers depend on: processor, compiler, flags, versions."""
     compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
     said = subprocess.run([*compiler, "--version"], check=False, capture_output=True, text=True)
-    versions = {}
-    for package in PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:  # of a system's DOLFINx
-            continue
     return {
         "machine": platform.machine(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
+        "load_before": os.getloadavg()[0],
         "vector_bits": 8 * native.this_host().vector_bytes,
         "compiler": (said.stdout.splitlines() or ["?"])[0],
         "flags_stock": jit.get_options(None)["cffi_extra_compile_args"],
         "flags_tuned": kernel.JIT_OPTIONS["cffi_extra_compile_args"],
         "flags_native": list(native.FLAGS),
         "threads": os.environ.get("OMP_NUM_THREADS", ""),
-        "mpi": MPI.Get_library_version().splitlines()[0].strip(),
+        "mpi": " ".join(MPI.Get_library_version().splitlines()[0].split()),
         "python": platform.python_version(),
-        "versions": versions,
+        "versions": {
+            "squealx": version("squealx"),
+            "dolfinx": dolfinx.__version__,
+            "ffcx": ffcx.__version__,
+            "numpy": np.__version__,
+            "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        },
     }
 
 
@@ -133,8 +136,8 @@ def show(found: dict[str, Any], console: "Console") -> None:
     """Print the tables of a bench."""
     h = found["host"]
     console.print(
-        f"{h['cores']} cores, {h['vector_bits']}-bit vectors, {h['compiler']}; one core unless "
-        "stated; M/s are million element updates per second",
+        f"{h['cores']} cores, {h['vector_bits']}-bit vectors, {h['compiler']}; load before "
+        f"{h['load_before']:.1f}; one core unless stated; M/s are million element updates a second",
         highlight=False,
     )
     _kernel_table(found, console)
@@ -146,11 +149,11 @@ def _kernel_table(found: dict[str, Any], console: "Console") -> None:
     core = found["roofline"]["core"]
     console.print(
         f"peak {core['peak_float64'] / 1e9:.0f} Gflop/s (float32: {core['peak_float32'] / 1e9:.0f})"
-        f", memory {core['bandwidth'] / 1e9:.0f} GB/s; flop and byte per cell are estimated, see "
-        "roofline.how in bench.json",
+        f", memory {core['bandwidth'] / 1e9:.0f} GB/s; flop and byte are per cell and "
+        "estimated, roof is the share of what these allow: see roofline.how in bench.json",
         highlight=False,
     )
-    heads = ("M/s", "ratio", "error", "flop", "byte", "Gflop/s", "of roof")
+    heads = ("M/s", "ratio", "error", "flop", "byte", "Gflop/s", "roof")
     for title, engines in found["kernels"]["forms"].items():
         table = _table(f"{title}, {found['kernels']['cells']} cells", heads, first="engine")
         for name, row in engines.items():
@@ -173,7 +176,7 @@ def _table(title: str, heads: tuple[str, ...], first: str = "") -> Any:
     from rich import box
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE)
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)
     if first:
         table.add_column(first, no_wrap=True)
     for head in heads:

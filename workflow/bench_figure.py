@@ -95,6 +95,9 @@ def _contact(axes: "Axes", found: dict[str, Any]) -> None:
     guide = 1e6 * found["contact"]["per_node"] * x
     label = f"{found['contact']['per_node'] * 1e6:.2f} µs per node"
     axes.loglog(x, guide, color=theme.CLOSED_FORM, lw=3, zorder=1, label=label)
+    axes.set_xticks(nodes, map(str, nodes))
+    axes.set_xticks([], minor=True)
+    axes.set_ylim(top=8e6 * seconds.max())  # for the legend
     axes.set_xlabel("contactor nodes")
     axes.set_ylabel("time per step [µs]")
     axes.legend(loc="upper left")
