@@ -16,6 +16,9 @@ LANES = """
 typedef {real} real;
 typedef STORED stored;
 #define LANES ((int)(VECTOR_BYTES / sizeof(real)))
+#if defined(__clang__) || __GNUC__ >= 12
+#define CAN_SHUFFLE 1
+#endif
 typedef real vec __attribute__((vector_size(VECTOR_BYTES)));
 typedef int{bits}_t mask __attribute__((vector_size(VECTOR_BYTES)));
 
@@ -34,7 +37,8 @@ static inline vec lanes_powi(vec x, int n)
 
 """
 
-# Three components of a node are a pair and one more: two loads for three numbers of a lane.
+# Three components of a node are a pair and one more: two loads for three numbers of a lane, where
+# the compiler shuffles vectors (GCC from 12, Clang).
 VECTORS = """
 typedef stored pair __attribute__((vector_size(2 * sizeof(stored)), may_alias,
                                    aligned(sizeof(stored))));
@@ -58,12 +62,14 @@ LOOPS = """
 static inline void gather(vec *restrict to, const stored *restrict from,
                           const int32_t *restrict dofs, int n, int bs)
 {
+#ifdef SHUFFLE
   if (bs == 3)
   {
     for (int k = 0; k < n; ++k)
       gather3(to + 3 * k, from, dofs + k * LANES);
     return;
   }
+#endif
   for (int k = 0; k < n; ++k)
     for (int i = 0; i < bs; ++i)
     {
@@ -86,21 +92,38 @@ static inline void scatter(stored *restrict to, const vec *restrict from,
 }
 """
 
+# Functions that every glibc has for whole vectors (libmvec); with fast-math incomplete, for NaN's
+# sake, its header does not say so.
+VECTOR_MATH = """
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wattributes"
+#define MVEC __attribute__((simd("notinbranch")))
+extern real {sin}(real) MVEC;
+extern real {cos}(real) MVEC;
+extern real {exp}(real) MVEC;
+extern real {ln}(real) MVEC;
+extern real {power}(real, real) MVEC;
+#endif
+"""
+
 UNARY = """
 static inline vec lanes_{name}(vec x)
 {{
+  union {{ vec v; real l[LANES]; }} a = {{x}};
   for (int l = 0; l < LANES; ++l)
-    x[l] = {function}(x[l]);
-  return x;
+    a.l[l] = {function}(a.l[l]);
+  return a.v;
 }}
 """
 
+# Not inlined: GCC would turn a power with a known exponent into cube roots, lane by lane.
 BINARY = """
-static inline vec lanes_{name}(vec x, vec y)
+static __attribute__((noinline, noclone)) vec lanes_{name}(vec x, vec y)
 {{
+  union {{ vec v; real l[LANES]; }} a = {{x}}, b = {{y}};
   for (int l = 0; l < LANES; ++l)
-    x[l] = {function}(x[l], y[l]);
-  return x;
+    a.l[l] = {function}(a.l[l], b.l[l]);
+  return a.v;
 }}
 """
 
@@ -126,10 +149,11 @@ def generator(options: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]
     bits = 64 if real == "double" else 32
     source += LANES.format(real=real, bits=bits)
     for number, width in enumerate((16, 32, 64)):
-        source += f"\n#{'elif' if number else 'if'} VECTOR_BYTES == {width}"
+        source += f"\n#{'elif' if number else 'if'} VECTOR_BYTES == {width} && CAN_SHUFFLE"
         source += VECTORS.format(**_shuffles(8 * width // bits))
     source += "#endif\n" + LOOPS
     functions = math_table["float64" if real == "double" else "float32"]
+    source += VECTOR_MATH.format(**functions)
     for name, function in {**functions, "atan2": functions["atan_2"]}.items():
         source += TEMPLATES.get(name, UNARY).format(name=name, function=function)
     return (header, source), post
