@@ -35,8 +35,8 @@ from workflow.bench_cases import (
 
 HOW = (
     "Peak: independent chains of multiply-adds in registers, in vectors of the native kernels' "
-    "width. Bandwidth: a[i] = b[i] + s c[i] with 24 bytes per entry, no write-allocate counted. Both are the "
-    "best of the rounds, rates of kernels are medians. "
+    "width. Bandwidth: a[i] = b[i] + s c[i] with 24 bytes per entry, no write-allocate counted. "
+    "Both are the best of the rounds, rates of kernels are medians. "
     "Operations of a kernel: additions, multiplications and divisions in the code that FFCx or "
     "forms.simd generates, loops multiplied out, before the compiler simplifies; of MatMult 2 per "
     "stored entry. Bytes per cell: every array once (coordinates, displacement, force read and "
