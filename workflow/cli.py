@@ -144,10 +144,12 @@ def figures(
 
 @app.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))
 def bench(
-    out: Annotated[Path, typer.Option(help="Folder for bench.json and bench.png.")] = Path(
-        "runs/bench"
-    ),
-    quick: Annotated[bool, typer.Option(help="Small blocks and rough numbers in seconds.")] = False,
+    out: Annotated[
+        Path, typer.Option(help="Folder for bench.json and bench.png; replaces those there.")
+    ] = Path("runs/bench"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small blocks: rough numbers in seconds.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Measure how fast this machine runs kernels, steps and contact: a table and a figure."""
