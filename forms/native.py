@@ -19,10 +19,8 @@ from dolfinx import fem, jit
 from forms.batches import batches, integral_cells
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
-FLAGS = (
-    *("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"),
-    *("-fschedule-insns", "-fsched-pressure", "-w"),  # 4 % on long straight-line code
-)
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
+GCC_FLAGS = ("-fschedule-insns", "-fsched-pressure")  # 4 % on long straight-line code
 CTYPES = {"float64": "double", "float32": "float"}
 TIMEOUT = 120  # for another process that compiles the same form [s]
 
@@ -37,10 +35,12 @@ class Host:
 
     Attributes:
         vector_bytes: Width of the widest vector registers [byte].
+        gcc: Whether the compiler is GCC rather than Clang.
         key: Hash of compiler, CPU and the code generator.
     """
 
     vector_bytes: int
+    gcc: bool
     key: str
 
     def flags(self, stored: str) -> list[str]:
@@ -50,7 +50,8 @@ class Host:
             "STORED": CTYPES[stored],
             "SQUEALX_HOST": f"0x{self.key}",  # read by nobody: FFCx's cache goes by the arguments
         }
-        return [*FLAGS, *(f"-D{name}={value}" for name, value in defines.items())]
+        flags = [*FLAGS, *GCC_FLAGS] if self.gcc else [*FLAGS]
+        return [*flags, *(f"-D{name}={value}" for name, value in defines.items())]
 
 
 @cache
@@ -63,7 +64,7 @@ def this_host() -> Host:
     width = next((w for m, w in widths.items() if f"#define {m} " in macros), 16)
     sources = sorted((Path(__file__).parent / "simd").glob("*.py"))
     state = macros.encode() + b"".join(path.read_bytes() for path in sources)
-    return Host(width, hashlib.sha256(state).hexdigest()[:16])
+    return Host(width, "__clang__" not in macros, hashlib.sha256(state).hexdigest()[:16])
 
 
 class NativeKernel:
