@@ -21,13 +21,20 @@ def printed(name: str, *words: object) -> str:
 
 def test_every_example_is_tested():
     """A new example needs a test below."""
-    assert {p.name for p in EXAMPLES.glob("*.py")} == {"own_residual.py", "error_against_time.py"}
+    tested = {"own_residual.py", "own_material.py", "error_against_time.py"}
+    assert {p.name for p in EXAMPLES.glob("*.py")} == tested
 
 
 def test_own_residual_ends_on_the_golden_ratio():
     """A neo-Hookean block pulled by its shear modulus rests at (1 + √5)/2, to 1e-9."""
     found = re.search(r"^stretch ([\d.]+),", printed("own_residual.py"), re.MULTILINE)
     assert found and float(found[1]) == pytest.approx((1 + 5**0.5) / 2, abs=2e-9)
+
+
+def test_own_material_ends_on_mooneys_stress():
+    """A rod of Mooney's rubber pulled to twice its length: 2 (Λ² − 1/Λ) (c₁ + c₂/Λ), to c/κ."""
+    found = re.search(r"^stress (\d+) Pa", printed("own_material.py"), re.MULTILINE)
+    assert found and float(found[1]) == pytest.approx(2 * 3.5 * 0.45e6, rel=3e-3)
 
 
 @pytest.mark.slow
