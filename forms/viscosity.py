@@ -29,6 +29,8 @@ def bulk_viscosity(
 ) -> Any:
     """Return the virtual work of the viscous pressure, for the one-point measure [J/m³].
 
+    For the mixed one where the same form has full quadrature on these cells.
+
     ``q = ρ l (quadratic l ε̇² − linear c ε̇)`` where the cell is compressed, ``ε̇ = v̇/v < 0``, else
     zero; its work is ``−q δv``. Volume v, rate and density are those of the whole cell now, so no
     rigid motion is felt; ``l = v^(1/3)``.
