@@ -3,8 +3,7 @@
 
 A rubber rod obeys Mooney's law (1940), ψ = c₁ (Ī₁ − 3) + c₂ (Ī₂ − 3) + κ/2 (J − 1)², and is pulled
 to twice its length. Its volume hardly changes (κ ≫ c₁), so the true stress is close to
-2 (Λ² − 1/Λ) (c₁ + c₂/Λ); what is left is of the order of stress over κ. The elements have one point
-and hourglass control: they do not lock.
+2 (Λ² − 1/Λ) (c₁ + c₂/Λ). The elements have one point and hourglass control: they do not lock.
 
     python examples/own_material.py
 """
