@@ -131,3 +131,14 @@ def test_blocks_press_all_nodes_and_apart_none():
     other = bench_cases.pressed(5)[0]
     other.add(away, force)
     assert other.active == 0
+
+
+def test_folder_is_tried_before_anything_is_measured(tmp_path, monkeypatch, capsys):
+    """A folder below a file cannot be made: exit code 2, and nothing was measured."""
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("workflow.bench.measure", lambda *_: pytest.fail("measured"))
+    monkeypatch.setattr(sys, "argv", ["squealx", "bench", "--out", str(tmp_path / "file/out")])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert "expected a folder that can be written" in capsys.readouterr().err

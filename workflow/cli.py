@@ -158,7 +158,9 @@ def bench(
     from rich.console import Console
 
     from workflow.bench import measure, show
+    from workflow.results import check_free
 
+    check_free(out)
     progress = Console(stderr=True)
     found = measure(out, quick, lambda line: progress.print(line, highlight=False))
     print(json.dumps(found)) if as_json else show(found, Console())
