@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import ufl
-from ufl import Identity, dev, dot, grad, inner, sym, tr
+from ufl import Identity, dot, grad, inner, sym, tr
 
 
 @dataclass(frozen=True)
@@ -75,26 +75,6 @@ def st_venant_kirchhoff(u: Any, w: Any, material: Elastic, v: Any = None) -> Any
     if v is not None:
         strain = strain + material.damping * sym(dot(F.T, grad(v)))
     return inner(dot(F, material.stress(strain)), grad(w))
-
-
-def small_strain_energy(u: Any, material: Elastic) -> Any:
-    """Strain energy density of linear elasticity, ``σ : ε / 2`` [J/m³]."""
-    return energy_density(sym(grad(u)), material)
-
-
-def st_venant_kirchhoff_energy(u: Any, material: Elastic) -> Any:
-    """Strain energy density ``S : E / 2`` [J/m³]."""
-    return energy_density(green_lagrange(u), material)
-
-
-def energy_density(strain: Any, material: Elastic) -> Any:
-    """Quadratic energy ``κ tr(ε)²/2 + μ dev ε : dev ε`` of a strain tensor [J/m³]."""
-    bulk = material.lmbda + 2 * material.mu / 3
-    return bulk / 2 * tr(strain) ** 2 + material.mu * inner(dev(strain), dev(strain))
-
-
-RESIDUALS = {"small-strain": small_strain, "total-lagrangian": st_venant_kirchhoff}
-ENERGIES = {"small-strain": small_strain_energy, "total-lagrangian": st_venant_kirchhoff_energy}
 
 
 def full(msh: Any, tags: Any = None, region: tuple[int, ...] | None = None) -> Any:

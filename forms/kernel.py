@@ -7,6 +7,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
 
 from forms.native import NativeKernel, Unsupported
@@ -31,12 +32,13 @@ class CellKernel:
 
     Args:
         form: Sum of cell integrals, linear in one test function.
+        precision: Type that is computed with, ``float64`` or ``float32``; arrays keep their type.
 
     Raises:
         ValueError: if the form is not rank 1 or has other than cell integrals.
     """
 
-    def __init__(self, form: Any) -> None:
+    def __init__(self, form: Any, precision: str = "float64") -> None:
         arguments = form.arguments()
         if len(arguments) != 1:
             raise ValueError(
@@ -48,7 +50,7 @@ class CellKernel:
         self.coefficients = form.coefficients()
         self.engine: NativeKernel | AssembledKernel
         try:
-            self.engine = NativeKernel(form)
+            self.engine = NativeKernel(form, precision)
         except Unsupported as reason:
             logging.getLogger("squealx").info("assembled by DOLFINx: %s", reason)
             self.engine = AssembledKernel(form)
@@ -89,12 +91,22 @@ class AssembledKernel:
 
 
 class CellIntegral:
-    """A scalar UFL functional (an energy), compiled once and summed over all ranks."""
+    """A scalar UFL functional (an energy), compiled once and summed over all ranks.
+
+    It is the kernel of the form times a test function that is constant on each cell.
+    """
 
     def __init__(self, form: Any) -> None:
-        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
-        self.comm = self.compiled.mesh.comm
+        msh = form.ufl_domain().ufl_cargo()
+        Q = fem.functionspace(dolfinx.mesh.Mesh(msh, form.ufl_domain()), ("DG", 0))
+        q = ufl.TestFunction(Q)
+        terms = (i.reconstruct(integrand=i.integrand() * q) for i in form.integrals())
+        self.kernel = CellKernel(ufl.Form(list(terms)))
+        self.comm = msh.comm
+        self.cells = np.zeros(Q.dofmap.index_map.size_local + Q.dofmap.index_map.num_ghosts)
 
     def __call__(self) -> float:
         """Return the integral over the whole mesh with the current coefficients."""
-        return float(self.comm.allreduce(fem.assemble_scalar(self.compiled)))
+        self.cells[:] = 0.0
+        self.kernel.add(self.cells)
+        return float(self.comm.allreduce(self.cells.sum()))

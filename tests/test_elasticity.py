@@ -8,7 +8,8 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from forms.elasticity import ENERGIES, RESIDUALS, Elastic, full, small_strain
+from forms.elasticity import Elastic, full, small_strain
+from forms.elements import LAWS
 from forms.kernel import CellIntegral, CellKernel
 from meshes import blocks
 from meshes.domain import Domain, distribute
@@ -28,14 +29,14 @@ def bar() -> Domain:
 
 @pytest.fixture(scope="module")
 def bodies(bar) -> dict:
-    """Internal force and strain energy of both kinematics as functions of the nodal values."""
+    """Internal force and strain energy of every law as functions of the nodal values."""
     compiled = {}
-    for name, residual in RESIDUALS.items():
+    for name, law in LAWS.items():
         u, w = fem.Function(bar.V), ufl.TestFunction(bar.V)
         compiled[name] = (
             u,
-            CellKernel(residual(u, w, STEEL) * full(bar.msh)),
-            CellIntegral(ENERGIES[name](u, STEEL) * full(bar.msh)),
+            CellKernel(law.residual(u, w, STEEL) * full(bar.msh)),
+            CellIntegral(law.energy(u, STEEL) * full(bar.msh)),
         )
     return compiled
 
@@ -96,7 +97,7 @@ def test_kinematics_agree_for_small_displacements(bar, bodies):
     np.testing.assert_allclose(exact, linear, rtol=0, atol=1e-8 * np.abs(linear).max())
 
 
-@pytest.mark.parametrize("kinematics", RESIDUALS)
+@pytest.mark.parametrize("kinematics", LAWS)
 def test_force_is_the_gradient_of_the_energy(bar, bodies, kinematics):
     """dE(u + s w)/ds = f(u) · w, by a central difference: error O(s²), about 1e-8."""
     random = np.random.default_rng(6)

@@ -17,7 +17,7 @@ class Energy:
     their mean is larger by ``m (dt a)² / 8`` and rings by that much).
     ``contact`` is stored in contact springs, ``spring`` in connections (weight of point masses
     included). Dissipations and works are sums since time zero. ``external_work`` is that of dead
-    loads and drive torque. The hourglass energy is zero with full quadrature.
+    loads and drive torque. ``hourglass`` is that of the control of one-point cells.
     """
 
     kinetic: float
@@ -58,7 +58,7 @@ class Ledger:
     def measure(self) -> tuple[Energy, float]:
         """Return the energies now and the relative balance error."""
         if self.start is None:
-            self.internal_start = self.model.strain_energy()
+            self.internal_start = sum(self._elastic())
         energy = self._now()
         if self.start is None:
             self.start = energy
@@ -69,6 +69,11 @@ class Ledger:
             error = energy.kinetic
         return energy, error / self.reference if self.reference > 0 else 0.0
 
+    def _elastic(self) -> tuple[float, float]:
+        """Strain energy and that of hourglass control."""
+        control = self.model.hourglass_energy
+        return self.model.strain_energy(), control() if control is not None else 0.0
+
     def _now(self) -> Energy:
         m, state = self.model, self.model.state
         n = 3 * m.domain.owned
@@ -77,10 +82,13 @@ class Ledger:
         comm = m.domain.msh.comm
         kinetic = comm.allreduce(float((m.mass.array[:n] * before) @ after) / 2)
         u = state.u.x.array
-        internal = m.strain_energy()
+        internal, hourglass = self._elastic()
         damping = 0.0
         if m.internal.damped:
-            damping += comm.allreduce(m.internal.work) - (internal - self.internal_start)
+            stored = internal + hourglass - self.internal_start
+            damping += comm.allreduce(m.internal.work) - stored
+        if m.viscosity is not None:
+            damping += comm.allreduce(m.viscosity.work)
         if m.damping is not None:
             damping += comm.allreduce(m.damping.dissipation)
         spring = 0.0
@@ -95,7 +103,7 @@ class Ledger:
         return Energy(
             kinetic=float(kinetic),
             internal=internal,
-            hourglass=0.0,
+            hourglass=hourglass,
             contact=float(sum(p.stored_energy for p in pairs)),
             spring=float(spring),
             friction_dissipation=float(sum(p.friction_dissipation for p in pairs)),
@@ -109,6 +117,7 @@ def exchanged(energy: Energy, ride: float) -> float:
     return (
         max(energy.kinetic - ride, 0.0)
         + energy.internal
+        + energy.hourglass
         + energy.contact
         + energy.friction_dissipation
         + energy.damping
@@ -121,8 +130,9 @@ def blown_up(energy: Energy, start: Energy) -> bool:
     A stable oscillation of ``x = ω dt / 2 < 1`` stays above ``−x²`` of its stored energy, and one
     that is damped above minus the kinetic energy it began with.
     """
-    stored = energy.internal + energy.contact + energy.spring
-    given = start.kinetic + start.internal + start.contact + abs(energy.external_work)
+    stored = energy.internal + energy.hourglass + energy.contact + energy.spring
+    given = start.kinetic + start.internal + start.hourglass + start.contact
+    given += abs(energy.external_work)
     return -energy.kinetic > max(0.99 * stored, given)
 
 

@@ -18,7 +18,6 @@ import ufl
 from dolfinx import fem, la
 from dolfinx.fem.petsc import assemble_matrix
 
-from forms.elasticity import RESIDUALS, full
 from forms.kernel import JIT_OPTIONS
 from workflow.attachments import axle, supports
 from workflow.guards import GuardError
@@ -147,13 +146,9 @@ def held_dofs(model: Model, settings: Equilibrium) -> npt.NDArray[np.int32]:
 
 def elastic_stiffness(model: Model) -> PETSc.Mat:
     """Assembled stiffness at the undeformed shape, [N/m]."""
-    V, scene = model.domain.V, model.scene
-    dx = full(model.domain.msh, model.domain.regions)
+    V = model.domain.V
     u, w = fem.Function(V), ufl.TestFunction(V)
-    residual = sum(
-        RESIDUALS[b.kinematics](u, w, model.materials[name]) * dx(b.tags)
-        for name, b in scene.bodies.items()
-    )
+    residual = model.bodies.internal_work(u, w)
     form = fem.form(ufl.derivative(residual, u, ufl.TrialFunction(V)), jit_options=JIT_OPTIONS)
     K = assemble_matrix(form)
     K.assemble()

@@ -128,11 +128,13 @@ def closed_forms(record: Record, pair: str) -> list[tuple[str, Array, Array]]:
     """Return what theory says of a pair's forces: label, times [s], forces [N]; or nothing."""
     from contact.closed_forms import bar_impact, sliding_stop
     from workflow.scene import Scene
-    from workflow.sections import BarMesh, BlocksMesh, CapMesh, RigidWall
+    from workflow.sections import BarMesh, BlocksMesh, CapMesh, Isotropic, RigidWall
 
     scene = Scene.check(record.scene)
     contact, mesh, whole = scene.contacts[pair], scene.mesh, np.array([0.0, scene.time.end])
     body = next(iter(scene.bodies.values()))
+    if not isinstance(body.material, Isotropic):
+        return []
     E, rho = body.material.youngs_modulus, body.material.density
     speed = abs((body.velocity or (0.0,))[0])
     pressure = -sum(load.traction[2] for load in scene.loads)

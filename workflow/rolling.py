@@ -93,9 +93,7 @@ def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
         )
 
     form = sum(
-        model.materials[name].rho
-        * ufl.inner(ufl.grad(model.state.u) * flow(name), w)
-        * dx(body.tags)
+        body.material.density * ufl.inner(ufl.grad(model.state.u) * flow(name), w) * dx(body.tags)
         for name, body in scene.bodies.items()
     )
     out = la.vector(domain.V.dofmap.index_map, 3)

@@ -2,7 +2,7 @@
 """A run from scene to results: equilibrium, rolling start, steps, outputs, summary."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from forms.elements import Law
 from workflow import guards
 from workflow.clock import Clock
 from workflow.energy import Energy, Ledger, columns
@@ -49,6 +50,7 @@ def run(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     watch: Callable[[Model], None] | None = None,
+    laws: Mapping[str, Law] | None = None,
     quiet: bool = False,
 ) -> Result:
     """Run a scene and leave its results in a new folder.
@@ -58,6 +60,7 @@ def run(
         out: Result folder; made if missing, must not hold a run.
         comm: Ranks that share the run.
         watch: Called with the model at every step, for experiments.
+        laws: Material laws of your own by body name, in place of the scene's.
         quiet: No progress on the terminal; ``run.log`` is always written.
 
     Raises:
@@ -68,7 +71,7 @@ def run(
     folder = checked(out, comm)
     clock = Clock()
     progress = Progress(comm.rank == 0, quiet)
-    model = build(scene, comm, progress.log, clock)
+    model = build(scene, comm, progress.log, clock, laws)
     check_apart(model)
     results = Results(folder, scene, model.domain)
     progress.keep_in(folder / "run.log")

@@ -56,7 +56,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
-        if wrong := list(self._unknown_names()):
+        if wrong := [*self._unknown_names(), *self._unfit_bodies()]:
             raise ValueError("\n".join(wrong))
         if self.rolling:
             if self.rolling.body not in self.bodies:
@@ -97,6 +97,30 @@ class Scene(Section):
         for name in self.equilibrium.approach if self.equilibrium else ():
             if name not in self.bodies:
                 yield f"equilibrium.approach.{name}: expected one of {list(self.bodies)}"
+
+    def _unfit_bodies(self) -> Iterator[str]:
+        """Yield a line for every key of a body that does not go with its others."""
+        for name, body in self.bodies.items():
+            key, law = f"bodies.{name}", body.material.law
+            if law == "orthotropic":
+                try:
+                    body.material.constants()
+                except ValueError as error:
+                    yield f"{key}.material: {error}"
+            if law == "neo-hookean" and body.kinematics != "total-lagrangian":
+                got = body.kinematics
+                yield f"{key}.kinematics = {got!r}: neo-hookean expects 'total-lagrangian'"
+            hooke = "small-strain" if law == "hooke" else "total-lagrangian"
+            if body.element == "selective" and (law == "orthotropic" or body.kinematics != hooke):
+                yield (
+                    f"{key}.element = 'selective': expected material.law = 'hooke' with kinematics "
+                    f"'small-strain', or 'neo-hookean', got {law!r} with {body.kinematics!r}"
+                )
+            if body.hourglass_coefficient is not None and body.element != "one-point":
+                yield (
+                    f"{key}.hourglass_coefficient: expected element = 'one-point', "
+                    f"got {body.element!r}"
+                )
 
     def _surfaces(self) -> Iterator[tuple[str, str]]:
         """Yield the key and value of every surface that this scene names."""

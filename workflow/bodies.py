@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The forms of all bodies of a scene: internal work, energies, viscosity, and the stable step."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import ufl
+
+from forms import elements
+from forms.cells import one_point
+from forms.elasticity import Elastic, exact, full
+from forms.elements import LAWS, Law
+from forms.kernel import Array
+from forms.stability import assembled_frequency, cell_frequency, stable_step
+from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
+from meshes.domain import Domain
+from workflow.scene import Scene
+from workflow.sections import Body
+
+
+class Bodies:
+    """Materials and laws of the bodies of a scene, and the forms made of them.
+
+    Attributes:
+        scene: The scene.
+        domain: The distributed mesh.
+        dx: Volume measure with full quadrature and the region tags.
+        materials: Elastic constants by body name.
+        laws: Material law by body name.
+    """
+
+    def __init__(self, scene: Scene, domain: Domain, laws: Mapping[str, Law] | None = None) -> None:
+        self.scene, self.domain = scene, domain
+        self.dx = full(domain.msh, domain.regions)
+        entries = scene.bodies.items()
+        self.materials = {name: b.material.constants(b.stiffness_damping) for name, b in entries}
+        self.laws = {name: law(body) for name, body in entries} | dict(laws or {})
+
+    def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
+        """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
+        return sum(
+            elements.internal_work(
+                body.element,
+                self.laws[name],
+                u,
+                w,
+                self.materials[name],
+                self.dx(body.tags),
+                v if body.stiffness_damping else None,
+                coefficient=body.hourglass_coefficient,
+            )
+            for name, body in self.scene.bodies.items()
+        )
+
+    def strain_energy(self, u: Any) -> Any:
+        """Return the form of the strain energy, without that of hourglass control."""
+        return sum(
+            elements.strain_energy(
+                body.element, self.laws[name], u, self.materials[name], self.dx(body.tags)
+            )
+            for name, body in self.scene.bodies.items()
+        )
+
+    def hourglass_energy(self, u: Any) -> Any:
+        """Return the form of the energy of hourglass control, None without such elements."""
+        forms = [
+            elements.control_energy(
+                self.laws[name],
+                u,
+                self.materials[name],
+                self.dx(body.tags),
+                coefficient=body.hourglass_coefficient,
+            )
+            for name, body in self.scene.bodies.items()
+            if body.element == "one-point"
+        ]
+        return sum(forms) if forms else None
+
+    def viscous_work(self, u: Any, v: Any, w: Any) -> Any:
+        """Return the form of the bulk viscosity's virtual work, None without viscosity."""
+        forms = [
+            bulk_viscosity(
+                u,
+                v,
+                w,
+                isotropic(self.materials[name]),
+                linear=body.bulk_viscosity.linear,
+                quadratic=body.bulk_viscosity.quadratic,
+                rotating=self.laws[name].rotating,
+            )
+            * one_point(self.dx(body.tags))
+            for name, body in self.scene.bodies.items()
+            if body.bulk_viscosity
+        ]
+        return sum(forms) if forms else None
+
+    def damping_work(self, v: Any, w: Any) -> Any:
+        """Return a linear form that bounds all material damping, at the scene's own speeds.
+
+        For the quadratic viscosity a cell is taken to be closed by the whole difference of the
+        bodies' initial velocities.
+        """
+        start = [b.velocity or (0.0, 0.0, 0.0) for b in self.scene.bodies.values()]
+        closing = max(np.linalg.norm(np.subtract(a, b)) for a in [*start, (0, 0, 0)] for b in start)
+        forms = []
+        for name, body in self.scene.bodies.items():
+            dx, constants = self.dx(body.tags), self.materials[name]
+            if body.bulk_viscosity:
+                viscous = tangent_viscosity(
+                    v,
+                    w,
+                    isotropic(constants),
+                    linear=body.bulk_viscosity.linear,
+                    quadratic=body.bulk_viscosity.quadratic,
+                    rate=float(closing) / self.scene.mesh.size,
+                )
+                forms.append(viscous * one_point(dx, mixed=body.element != "one-point"))
+            if body.stiffness_damping:
+                work = elements.internal_work(
+                    body.element, self.laws[name], v, w, constants, dx,
+                    coefficient=body.hourglass_coefficient,
+                )  # fmt: skip
+                forms.append(body.stiffness_damping * work)
+        return sum(forms)
+
+    def mass(self, w: Any) -> Any:
+        """Return the form whose vector is the lumped mass."""
+        ones, dm = ufl.as_vector([1.0, 1.0, 1.0]), exact(self.domain.msh, self.domain.regions)
+        return sum(
+            self.materials[name].rho * ufl.inner(ones, w) * dm(body.tags)
+            for name, body in self.scene.bodies.items()
+        )
+
+
+def step_bound(bodies: Bodies, mass: Array, log: Callable[[str], Any]) -> float:
+    """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
+
+    A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum of
+    their penalties to ``(ω dt)²``; the cell bound, which viscosity always takes, has that much in
+    hand.
+
+    Args:
+        bodies: Bodies with their forms.
+        mass: Lumped mass of every local scalar dof [kg].
+        log: Called with a line if the assembled value cannot be used.
+    """
+    scene, V = bodies.scene, bodies.domain.V
+    entries = scene.bodies.values()
+    damping = max(b.stiffness_damping for b in entries), max(b.mass_damping for b in entries)
+    if any(b.bulk_viscosity for b in entries):
+        dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
+        return dt * (1 - damping[1] * dt / 2)  # dt²/4 K + dt/2 C < (1 - α dt/2) M
+    if scene.time.bound == "assembled":
+        frequency, converged = assembled_frequency(V, bodies.internal_work, mass)
+        springs = sum(contact.penalty for contact in scene.contacts.values())
+        room = 1 - springs / (2 * scene.time.safety) ** 2
+        if converged and room > 0:
+            return float(np.sqrt(room) * stable_step(frequency, *damping))
+        why = (
+            "Lanczos has not converged" if not converged else "the contact penalties are too large"
+        )
+        log(f"step: bounded by its stiffest cell, because {why}")
+    return stable_step(cell_frequency(V, bodies.internal_work, bodies.mass), *damping)
+
+
+def law(body: Body) -> Law:
+    """Return the material law of a body."""
+    return LAWS["neo-hookean" if body.material.law == "neo-hookean" else body.kinematics]
+
+
+def isotropic(constants: Any) -> Elastic:
+    """Return the constants themselves, or the nearest isotropic ones."""
+    return getattr(constants, "isotropic", constants)
