@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The stable step of bodies on springs and dampers, to the ground or to point masses.
+
+For bodies with ``ω_max ≤ frequency``, and connections given as :mod:`forms.connections` has them:
+
+    springs, dampers = attached(comm, masses, links, mass)
+    dt = joined_step(frequency, springs, dampers, stiffness_damping, mass_damping)
+
+The frequency may have the springs in it already (``assembled_frequency(..., springs.nodal)``,
+``held=True``), which is sharper than adding the largest of each.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from forms.connections import Mean, Spread
+from forms.point_masses import PointMasses
+from forms.stability import stable_step
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Attached:
+    """All springs, or all dampers, over the masses at their ends; rates alike on all ranks.
+
+    Attributes:
+        nodal: Sum on every local dof, ghosts left out, shape ``(3 * n_local,)`` [N/m] or [N s/m].
+        rate: The largest of it over the mass of its dof [1/s²] or [1/s].
+        tied: Sum between bodies and each free component of a point mass, over its mass, ``(f,)``.
+        base: That between these components and the ground, over their mass, shape ``(f,)``.
+    """
+
+    nodal: Array
+    rate: float
+    tied: Array
+    base: Array
+
+
+def attached(
+    comm: MPI.Comm, masses: PointMasses, links: Iterable[Spread | Mean], mass: Array
+) -> tuple[Attached, Attached]:
+    """Return springs and dampers of connections; collective.
+
+    Args:
+        comm: Ranks that share the bodies.
+        masses: Point masses.
+        links: Springs and dampers between them and the bodies.
+        mass: Lumped mass of every local dof, shape ``(3 * n_local,)`` [kg].
+    """
+    links = list(links)
+    springs = [(link, link.stiffness) for link in links]
+    dampers = [(link, link.damping) for link in links]
+    return (
+        _attached(comm, masses, springs, masses.base_stiffness, mass),
+        _attached(comm, masses, dampers, masses.base_damping, mass),
+    )
+
+
+def _attached(
+    comm: MPI.Comm,
+    masses: PointMasses,
+    links: list[tuple[Spread | Mean, Array]],
+    ground: Array,
+    mass: Array,
+) -> Attached:
+    """Sum the links' coefficients on both sides.
+
+    A link to the mean of nodes has the matrix ``k w wᵀ``, which is at most ``k diag(w)`` because
+    the weights sum to one (Cauchy–Schwarz): each node has its share, as where they are spread.
+    """
+    nodal, tied = np.zeros_like(mass), np.zeros_like(masses.u)
+    for link, coefficient in links:
+        share = np.outer(link.weight, coefficient) if isinstance(link, Mean) else coefficient
+        np.add.at(nodal.reshape(-1, 3), link.dofs, share)
+        point = np.broadcast_to(link.point, len(share))
+        np.add.at(tied, point[point >= 0], share[point >= 0])
+    if comm.size > 1:
+        comm.Allreduce(MPI.IN_PLACE, tied)
+    rate = comm.allreduce(float((nodal / mass).max(initial=0.0)), op=MPI.MAX)
+    free = masses.free > 0
+    per_mass = 1 / masses.mass[:, None]
+    return Attached(nodal, rate, (tied * per_mass)[free], (ground * per_mass)[free])
+
+
+def joined(value: float, attachments: Attached, *, held: bool = False) -> float:
+    """Return a bound of the largest eigenvalue of bodies, connections and point masses.
+
+    Springs to the ground add at most their largest ``k / m``. One between a node and a point mass
+    is parted, ``(x - q)² ≤ (1 + θ) x² + (1 + 1/θ) q²`` for any θ > 0, which leaves bodies with
+    ``value + (1 + θ) rate`` and each point mass with ``base + (1 + 1/θ) tied``; θ is taken where
+    both are alike. For one mass on another this is ``k (1/m + 1/M)``, exactly.
+
+    Args:
+        value: Bound for the bodies alone: ω² [1/s²] with springs, that of ``M⁻¹ C`` with dampers
+            [1/s].
+        attachments: The springs or the dampers.
+        held: Whether ``value`` has them in it already, with all point masses held.
+    """
+    rate, tied, base = attachments.rate, attachments.tied, attachments.base
+    start = value if held else value + rate
+    if not len(tied):
+        return start
+    gap = start - base - tied  # rate θ² + gap θ - tied = 0; of its two ways the one without loss
+    root = np.sqrt(gap**2 + 4 * rate * tied)
+    raised = np.where(
+        gap > 0, 2 * rate * tied / np.where(gap > 0, gap + root, 1.0), (root - gap) / 2
+    )
+    return float(np.max(start + raised))
+
+
+def joined_step(
+    frequency: float,
+    springs: Attached,
+    dampers: Attached,
+    stiffness_damping: float = 0.0,
+    mass_damping: float = 0.0,
+    *,
+    held: bool = False,
+) -> float:
+    """Return a stable step of central difference with all damping lagged by half a step [s].
+
+    The scheme is stable while ``dt²/4 K + dt/2 C < M``: with the largest eigenvalues ω² of
+    ``M⁻¹ K`` and c of ``M⁻¹ C``, up to ``dt = 2/ω (√(1 + ζ²) − ζ)`` and ``ζ = c / (2 ω)``.
+
+    Args:
+        frequency: Bound of the bodies' largest frequency [rad/s].
+        springs: Springs (:func:`attached`).
+        dampers: Dampers.
+        stiffness_damping: Largest stiffness-proportional damping β of a body [s].
+        mass_damping: Largest mass-proportional damping α of a body [1/s].
+        held: Whether ``frequency`` has the springs in it already.
+    """
+    omega = np.sqrt(joined(frequency**2, springs, held=held))
+    lag = joined(stiffness_damping * frequency**2 + mass_damping, dampers)
+    return stable_step(float(omega), mass_damping=lag)
