@@ -123,7 +123,7 @@ def test_cone_is_kept_in_every_output(record):
 LANDING = {
     "equilibrium": None,
     "bodies.wheelset.velocity": [0.0, 0.0, -3.0],
-    "time.end": 36e-6,
+    "time.end": 45e-6,
     "time.output_interval": 9e-6,
     "output.fields": False,
 }
@@ -157,7 +157,7 @@ def test_landing_momentum_and_ranks(tmp_path):
     scene = Scene.load("flange-transition", **LANDING)
     result = run(scene, tmp_path / "one", watch=lambda m: rows.append(vertical(m)), quiet=True)
     momentum, contact, suspension, weight = np.array(rows).T
-    assert result.summary["steps"] == 200 and contact[-1] > 20e3
+    assert result.summary["steps"] >= 200 and contact[-1] > 20e3
     impulse = result.summary["dt"] * np.cumsum(contact + suspension + weight)[:-1]
     scale = result.summary["dt"] * contact.sum()
     np.testing.assert_allclose(momentum[1:] - momentum[0], impulse, rtol=0, atol=1e-6 * scale)
@@ -167,7 +167,8 @@ def test_landing_momentum_and_ranks(tmp_path):
     assert done.returncode == 0, done.stderr
     one, two = result.history, Record(tmp_path / "two").history
     force, energy = one["wheel_rail_normal_force"].max(), one["internal"].max()
-    scales = {"kinetic": one["kinetic"].max(), "balance_error": 1.0, "t": 36e-6}
+    ride = one["kinetic"].max()
+    scales = {"kinetic": ride, "balance_error": ride / energy, "t": 45e-6}
     scales |= {"wheel_rail_patches": 1.0, "wheel_rail_max_penetration": 1e-5}
     scales |= {"wheel_rail_area": one["wheel_rail_area"].max()}
     assert one.keys() == two.keys() and MPI.COMM_WORLD.size == 1

@@ -136,9 +136,9 @@ class Bodies:
 def step_bound(bodies: Bodies, mass: Array, log: Callable[[str], Any]) -> float:
     """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
 
-    A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum of
-    their penalties to ``(ω dt)²``; the cell bound, which viscosity always takes, has that much in
-    hand.
+    A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
+    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω``. The cell bound, which
+    viscosity always takes, has that much in hand.
 
     Args:
         bodies: Bodies with their forms.
@@ -154,7 +154,7 @@ def step_bound(bodies: Bodies, mass: Array, log: Callable[[str], Any]) -> float:
     if scene.time.bound == "assembled":
         frequency, converged = assembled_frequency(V, bodies.internal_work, mass)
         springs = sum(contact.penalty for contact in scene.contacts.values())
-        room = 1 - springs / (2 * scene.time.safety) ** 2
+        room = 1 - springs / 4
         if converged and room > 0:
             return float(np.sqrt(room) * stable_step(frequency, *damping))
         why = (
