@@ -42,6 +42,9 @@ class Attached:
     base: Array
 
 
+NONE = Attached(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
+
+
 def attached(
     comm: MPI.Comm, masses: PointMasses, links: Iterable[Spread | Mean], mass: Array
 ) -> tuple[Attached, Attached]:

@@ -97,8 +97,6 @@ def attach(model: "Model") -> None:
     scene = model.scene
     if any(b.mass_damping for b in scene.bodies.values()):
         model.damping = mass_damping(model)
-    if scene.vehicle or scene.track:
-        model.connections = connections(model)
     for contact_name, contact in scene.contacts.items():
         model.pairs[contact_name] = pair(model, contact_name, contact)
 
@@ -113,9 +111,14 @@ def mass_damping(model: "Model") -> MassDamping:
     return MassDamping(model.domain.msh.comm, nodal, model.dt)
 
 
-def connections(model: "Model") -> Connections:
-    """Return sprung mass on its suspension, and rail on pads, sleepers and ballast."""
-    scene, domain, comm = model.scene, model.domain, model.domain.msh.comm
+def connections(scene: Scene, domain: Domain) -> Connections | None:
+    """Return sprung mass on its suspension, and rail on pads, sleepers and ballast; or nothing.
+
+    Their step is set when it is known: the springs have a part in it.
+    """
+    if not (scene.vehicle or scene.track):
+        return None
+    comm = domain.msh.comm
     gravity = np.array(scene.gravity or (0.0, 0.0, 0.0))
     up = np.array([0.0, 0.0, 1.0])
     seats = sleeper_seats(scene, domain) if scene.track else []
@@ -137,7 +140,7 @@ def connections(model: "Model") -> Connections:
         stiffness = up * scene.vehicle.suspension_stiffness
         damping = up * scene.vehicle.suspension_damping
         links.append(Mean(comm, dofs[dofs >= 0], share[dofs >= 0], n, stiffness, damping, masses))
-    return Connections(comm, masses, links, model.dt)
+    return Connections(comm, masses, links, dt=0.0)
 
 
 def surface_share(domain: Domain, surface: str) -> Array:

@@ -8,11 +8,13 @@ import numpy as np
 import ufl
 
 from forms import elements
+from forms.attached import NONE, attached, joined_step
 from forms.cells import one_point
+from forms.connections import Connections
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
 from forms.kernel import Array
-from forms.stability import assembled_frequency, cell_frequency, stable_step
+from forms.stability import assembled_frequency, cell_frequency
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
 from workflow.scene import Scene
@@ -133,7 +135,9 @@ class Bodies:
         )
 
 
-def step_bound(bodies: Bodies, mass: Array, log: Callable[[str], Any]) -> float:
+def step_bound(
+    bodies: Bodies, mass: Array, connections: Connections | None, log: Callable[[str], Any]
+) -> float:
     """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
 
     A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
@@ -143,25 +147,30 @@ def step_bound(bodies: Bodies, mass: Array, log: Callable[[str], Any]) -> float:
     Args:
         bodies: Bodies with their forms.
         mass: Lumped mass of every local scalar dof [kg].
+        connections: Springs, dampers and point masses, if there are such.
         log: Called with a line if the assembled value cannot be used.
     """
     scene, V = bodies.scene, bodies.domain.V
     entries = scene.bodies.values()
     damping = max(b.stiffness_damping for b in entries), max(b.mass_damping for b in entries)
+    springs = dampers = NONE
+    if connections is not None:
+        parts = connections.masses, connections.links
+        springs, dampers = attached(connections.comm, *parts, mass)
     if any(b.bulk_viscosity for b in entries):
         dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
-        return dt * (1 - damping[1] * dt / 2)  # dt²/4 K + dt/2 C < (1 - α dt/2) M
+        return joined_step(2 / dt, springs, dampers, mass_damping=damping[1])
     if scene.time.bound == "assembled":
-        frequency, converged = assembled_frequency(V, bodies.internal_work, mass)
-        springs = sum(contact.penalty for contact in scene.contacts.values())
-        room = 1 - springs / 4
-        if converged and room > 0:
-            return float(np.sqrt(room) * stable_step(frequency, *damping))
-        why = (
-            "Lanczos has not converged" if not converged else "the contact penalties are too large"
-        )
+        held = springs.nodal if connections is not None else None
+        frequency, sharp = assembled_frequency(V, bodies.internal_work, mass, held)
+        room = 1 - sum(contact.penalty for contact in scene.contacts.values()) / 4
+        if sharp and room > 0:
+            step = joined_step(frequency, springs, dampers, *damping, held=True)
+            return float(np.sqrt(room) * step)
+        why = "the contact penalties are too large" if sharp else "Lanczos has not converged"
         log(f"step: bounded by its stiffest cell, because {why}")
-    return stable_step(cell_frequency(V, bodies.internal_work, bodies.mass), *damping)
+    frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
+    return joined_step(frequency, springs, dampers, *damping)
 
 
 def law(body: Body) -> Law:

@@ -18,7 +18,7 @@ from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
 from meshes.domain import Domain
-from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
+from workflow.attachments import Supports, attach, connections, dead_load, nodes_of, supports
 from workflow.bodies import Bodies, step_bound
 from workflow.clock import Clock
 from workflow.geometry import domain_of
@@ -165,9 +165,13 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
     u, v, w = state.u, state.v, ufl.TestFunction(V)
     damped = any(b.stiffness_damping for b in scene.bodies.values())
     hourglass, viscous = bodies.hourglass_energy(u), bodies.viscous_work(u, v, w)
-    bound = step_bound(bodies, mass.array, log)
+    links = connections(scene, domain)
+    bound = step_bound(bodies, mass.array, links, log)
     # outputs fall on steps
     per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
+    dt = float(scene.time.output_interval / per_output)
+    if links is not None:
+        links.dt = dt
     return Model(
         scene=scene,
         domain=domain,
@@ -176,11 +180,12 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
         bodies=bodies,
         dead=DeadLoad(comm, dead_load(scene, domain)),
         dt_bound=bound,
-        dt=float(scene.time.output_interval / per_output),
+        dt=dt,
         internal=InternalForce(-bodies.internal_work(u, w, v), V, damped, precision),
         strain_energy=CellIntegral(bodies.strain_energy(u)),
         hourglass_energy=CellIntegral(hourglass) if hourglass is not None else None,
         viscosity=InternalForce(-viscous, V, True, precision) if viscous is not None else None,
         supports=supports(scene.supports, scene, domain),
+        connections=links,
         placement=placement,
     )
