@@ -35,11 +35,17 @@ class Spread:
     dissipation: float = 0.0
     _damping: Array | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        self._index = entries(self.dofs)
+        self._tied = (self.point >= 0).astype(np.float64)[:, None]
+        # forces are summed by point mass, those on the ground behind the last one
+        self._sums = entries(np.where(self.point >= 0, self.point, len(self.masses.mass))).ravel()
+
     def stretch(self, u: Array, q: Array) -> Array:
         """Node value less that of its point mass, shape ``(n, 3)``."""
-        e = u.reshape(-1, 3)[self.dofs]
-        tied = self.point >= 0
-        e[tied] -= q[self.point[tied]]
+        e = u.take(self._index)
+        if len(q):
+            e -= self._tied * q.take(self.point, axis=0, mode="clip")
         return e
 
     def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
@@ -47,9 +53,9 @@ class Spread:
         rate = self.stretch(v, self.masses.v)
         damping = self.damping * rate
         f = -self.stiffness * self.stretch(u, self.masses.u) - damping
-        np.add.at(force.reshape(-1, 3), self.dofs, f)
-        tied = self.point >= 0
-        np.add.at(reaction, self.point[tied], -f[tied])
+        np.add.at(force, self._index.ravel(), f.ravel())
+        ends = np.bincount(self._sums, f.ravel(), reaction.size + 3)[: reaction.size]
+        reaction -= ends.reshape(reaction.shape)
         if self._damping is not None:
             self.dissipation += damper_work(self._damping, damping, rate, dt)
         self._damping = damping
@@ -96,19 +102,28 @@ class Mean:
     dissipation: float = 0.0
     _damping: Array | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        self._index = entries(self.dofs)
+
     def stretch(self, u: Array, q: Array) -> Array:
         """Mean node value less that of the point mass, shape ``(3,)``, alike on all ranks."""
-        mean = self.weight @ u.reshape(-1, 3)[self.dofs]
+        return self.stretches((u, q))[0]
+
+    def stretches(self, *pairs: tuple[Array, Array]) -> Array:
+        """Return :meth:`stretch` of several pairs at once, shape ``(pairs, 3)``."""
+        mean = np.array([self.weight @ u.take(self._index) for u, _ in pairs])
         if self.comm.size > 1:
-            mean = self.comm.allreduce(mean)
-        return mean - q[self.point] if self.point >= 0 else mean
+            self.comm.Allreduce(MPI.IN_PLACE, mean)
+        if self.point >= 0:
+            mean -= [q[self.point] for _, q in pairs]
+        return mean
 
     def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
         """Add to the nodal ``force`` and, on rank 0, to the ``reaction`` on the masses."""
-        rate = self.stretch(v, self.masses.v)
+        e, rate = self.stretches((u, self.masses.u), (v, self.masses.v))
         damping = self.damping * rate
-        f = -self.stiffness * self.stretch(u, self.masses.u) - damping
-        np.add.at(force.reshape(-1, 3), self.dofs, self.weight[:, None] * f)
+        f = -self.stiffness * e - damping
+        np.add.at(force, self._index.ravel(), np.multiply.outer(self.weight, f).ravel())
         if self.comm.rank == 0:
             if self.point >= 0:
                 reaction[self.point] -= f
@@ -219,6 +234,11 @@ class Connections:
                 triplets.append(_dense(dof[mine, axis], -np.outer(b, b) / total[m, axis]))
         rows, columns, values = (np.concatenate(x) for x in zip(*triplets, strict=True))
         return rows, columns, values
+
+
+def entries(dofs: npt.NDArray[np.int32]) -> Ints:
+    """Return the entries of dof blocks in a flat vector, shape ``(n, 3)``."""
+    return np.asarray(3 * dofs.astype(np.int64)[:, None] + np.arange(3))
 
 
 def _held(dof: Ints, k: Array, mean: bool) -> Iterator[tuple[Ints, Ints, Array]]:

@@ -80,16 +80,23 @@ class MassDamping:
     nodal: Array
     dt: float
     dissipation: float = 0.0
-    _last: Array | None = field(default=None, repr=False)
+    _last: Array = field(init=False, repr=False)
+    _force: Array = field(init=False, repr=False)
+    _began: bool = field(default=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._last, self._force = np.empty_like(self.nodal), np.empty_like(self.nodal)
 
     def add(self, state: Any, force: Any) -> None:
         """Add the damping force and collect its work (trapezoidal, over the way ``dt v``)."""
-        v = state.v.x.array[: len(self.nodal)]
-        f = self.nodal * v
-        force.array[: len(self.nodal)] -= f
-        if self._last is not None:
-            self.dissipation += self.dt * float(((self._last + f) * v).sum()) / 2
-        self._last = f
+        v, f, total = state.v.x.array[: len(self.nodal)], self._force, self._last
+        np.multiply(self.nodal, v, out=f)
+        force.array[: len(f)] -= f
+        if self._began:
+            total += f
+            total *= v
+            self.dissipation += self.dt * float(total.sum()) / 2
+        self._last, self._force, self._began = f, total, True
 
 
 @dataclass
@@ -115,27 +122,48 @@ class DriveTorque:
     torque: float
     ramp: float
     work: float = 0.0
-    _last: tuple[Array, Array] | None = field(default=None, repr=False)
+    _last: tuple[float, Array] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self.total = float(self.comm.allreduce(self.mass.sum()))
-        turn = self._turn(self.reference)
-        self.inertia = float(self.comm.allreduce((self.mass * (turn**2).sum(axis=1)).sum()))
-
-    def _turn(self, x: Array) -> Array:
-        """Return ``n × r`` of the nodes at ``x``, ``r`` from the mean axis, shape ``(k, 3)``."""
-        moment = self.mass @ x
-        centre = (self.comm.allreduce(moment) if self.comm.size > 1 else moment) / self.total
+        self._index = 3 * self.dofs.astype(np.int64) + np.arange(3)[:, None]
         nx, ny, nz = self.axis
-        return np.asarray((x - centre) @ np.array([[0, nz, -ny], [-nz, 0, nx], [ny, -nx, 0]]))
+        self._cross = np.array([[0, -nz, ny], [nz, 0, -nx], [-ny, nx, 0]])
+        self._places = np.ascontiguousarray(self.reference.T)
+        self._u, self._arm, self._turn = (np.zeros(self._index.shape) for _ in range(3))
+        self.total = float(self.comm.allreduce(self.mass.sum()))
+        self._swing()
+        inertia = self._turn**2 / self.mass  # of m n × r
+        self.inertia = float(self.comm.allreduce(inertia.sum()))
+
+    def _swing(self) -> None:
+        """Set ``_turn`` to ``m n × r`` at the displacement ``_u``, ``r`` from the mean axis."""
+        moment, turn = self._arm, self._turn
+        np.add(self._places, self._u, out=moment)
+        moment *= self.mass
+        centre = moment.sum(axis=1)
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, centre)
+        centre /= self.total
+        moment -= np.multiply.outer(centre, self.mass, out=turn)
+        np.matmul(self._cross, moment, out=turn)
 
     def add(self, state: Any, force: Any) -> None:
-        """Add the torque and collect its work (trapezoidal in displacement)."""
+        """Add the torque and collect its work (trapezoidal in displacement).
+
+        Between two steps ``Σ f₀ · Δu`` over all ranks is ``Σ f · Δu`` times the ratio of the
+        torques: ``n ×`` is antisymmetric. The last force is therefore not kept.
+        """
         torque = self.torque * (min(1.0, state.t / self.ramp) if self.ramp > 0 else 1.0)
-        u = state.u.x.array.reshape(-1, 3)[self.dofs]
-        f = (torque / self.inertia * self.mass)[:, None] * self._turn(self.reference + u)
-        force.array.reshape(-1, 3)[self.dofs] += f
+        scale = torque / self.inertia
+        state.u.x.array.take(self._index, out=self._u, mode="clip")
+        self._swing()
         if self._last is not None:
-            u0, f0 = self._last
-            self.work += float(np.vdot(f0 + f, u - u0)) / 2
-        self._last = (u, f)
+            before, way = self._last
+            np.subtract(self._u, way, out=way)
+            way *= self._turn
+            self.work += (before + scale) / 2 * float(way.sum())
+        else:
+            way = np.empty_like(self._u)
+        self._last, self._u = (scale, self._u), way
+        self._turn *= scale
+        np.add.at(force.array, self._index.ravel(), self._turn.ravel())

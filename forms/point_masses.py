@@ -84,4 +84,4 @@ def damper_work(before: Array, force: Array, rate: Array, dt: float) -> float:
         rate: Velocity in the middle of the step [m/s].
         dt: Step [s].
     """
-    return dt * float(((before + force) * rate).sum()) / 2
+    return dt * float(np.vdot(before + force, rate)) / 2

@@ -12,6 +12,8 @@ from typing import Any
 from petsc4py import PETSc
 
 import dolfinx
+import numpy as np
+import numpy.typing as npt
 
 from forms.connections import PointMasses
 
@@ -45,6 +47,7 @@ def central_difference(
     dt: float,
     t_end: float,
     points: PointMasses | None = None,
+    dead: npt.NDArray[np.float64] | None = None,
 ) -> Iterator[State]:
     """Yield the state at every step from now to ``t_end``, forces and acceleration in place.
 
@@ -56,15 +59,21 @@ def central_difference(
         dt: Step [s].
         t_end: Last time [s].
         points: Point masses that move with the bodies.
+        dead: Constant force on the owned dofs that every step starts from [N]; none: zero.
     """
     u, v, a = state.u.x.petsc_vec, state.v.x.petsc_vec, state.a.petsc_vec
+    per_mass = 1.0 / mass.array_r  # a product costs a fifth of a quotient
+    owned = state.a.array[: len(per_mass)]
+    constant = np.zeros_like(state.a.array)
+    if dead is not None:
+        constant[: len(dead)] = dead
     start = True
     while True:
-        state.a.array[:] = 0.0
+        state.a.array[:] = constant
         for add in loads:
             add(state, state.a)
         state.a.scatter_reverse(dolfinx.la.InsertMode.add)
-        a.pointwiseDivide(a, mass)
+        owned *= per_mass
         hold(state.a)
         if start:
             v.axpy(-dt / 2, a)  # from v at t to v at t - dt/2
