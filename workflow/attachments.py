@@ -2,6 +2,7 @@
 """What a scene attaches to its bodies: supports, loads, damping, springs, contact."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,9 +40,23 @@ class Supports:
 
     def __call__(self, a: la.Vector) -> None:
         """Remove the held components, in place."""
-        x = a.array.reshape(-1, 3)
+        x = a.array
+        for index, n in self._groups:
+            if n is None:
+                x[index] = 0.0
+            else:
+                held = x[index]
+                x[index] = held - np.multiply.outer(n, n @ held)
+
+    @cached_property
+    def _groups(self) -> list[tuple[npt.NDArray[np.int64], Array | None]]:
+        """Entries of a flat vector ``(3, k)`` and direction; entries ``(k,)`` along an axis."""
+        groups: list[tuple[npt.NDArray[np.int64], Array | None]] = []
         for dofs, n in zip(self.dofs, self.directions, strict=True):
-            x[dofs] -= np.outer(x[dofs] @ n, n)
+            index = 3 * dofs.astype(np.int64) + np.arange(3)[:, None]
+            axis = np.flatnonzero(n)
+            groups.append((index[axis[0]], None) if len(axis) == 1 else (index, n))
+        return groups
 
 
 def nodes_of(domain: Domain, names: list[str]) -> Dofs:
