@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A hexahedral mesh as plain arrays: what every mesher makes and DOLFINx is fed with."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+
+from meshes.tags import NAMES
 
 # Faces of a hexahedron in VTK node order, counter-clockwise seen from outside.
 FACES = np.array(
@@ -23,6 +26,8 @@ class HexMesh:
         regions: Region tag of each cell, shape ``(c,)``.
         facets: Nodes of each tagged surface quad, counter-clockwise from outside, ``(q, 4)``.
         surfaces: Surface tag of each quad, shape ``(q,)``.
+        names: Tag of each region and surface by its name, in lower case; those of ``Tag`` unless
+            the mesh was read from a file with groups of its own.
     """
 
     points: npt.NDArray[np.float64]
@@ -30,6 +35,27 @@ class HexMesh:
     regions: npt.NDArray[np.int32]
     facets: npt.NDArray[np.int64]
     surfaces: npt.NDArray[np.int32]
+    names: Mapping[str, int] = field(default_factory=lambda: NAMES)
+
+    def tag(self, name: str) -> int:
+        """Return the tag of the region or surface called ``name`` (any case).
+
+        Raises:
+            ValueError: if the mesh knows no such name.
+        """
+        try:
+            return self.names[name.lower()]
+        except KeyError:
+            known = ", ".join(self.names)
+            raise ValueError(f"unknown region or surface {name!r}; known: {known}") from None
+
+    def tags(self, names: Iterable[str]) -> tuple[int, ...]:
+        """Return the tags of the regions or surfaces called ``names``."""
+        return tuple(map(self.tag, names))
+
+    def name(self, tag: int) -> str:
+        """Return what a tag is called, its number if it has no name."""
+        return next((name for name, known in self.names.items() if known == tag), str(tag))
 
     def moved(self, points: npt.NDArray[np.float64]) -> "HexMesh":
         """Return the same mesh with its nodes at ``points``, shape ``(n, 3)`` [m]."""
@@ -58,4 +84,5 @@ def join(*meshes: HexMesh) -> HexMesh:
         regions=np.concatenate([m.regions for m in meshes]),
         facets=np.vstack([m.facets + s for m, s in zip(meshes, shift, strict=True)]),
         surfaces=np.concatenate([m.surfaces for m in meshes]),
+        names={name: tag for m in meshes for name, tag in m.names.items()},
     )

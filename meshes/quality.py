@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from meshes.hexmesh import HexMesh, boundary
 from meshes.split import edges_of
-from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]
 
@@ -88,7 +87,7 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
         volume=volume,
         enclosed=enclosed_volume(mesh),
         mass=density * volume,
-        regions={Tag(tag).name: int(n) for tag, n in zip(tags, counts, strict=True)},
+        regions={mesh.name(int(tag)).upper(): int(n) for tag, n in zip(tags, counts, strict=True)},
     )
 
 

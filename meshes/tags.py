@@ -54,3 +54,6 @@ def tag(name: str) -> Tag:
     except KeyError:
         known = ", ".join(Tag.__members__)
         raise ValueError(f"unknown region or surface {name!r}; known: {known}") from None
+
+
+NAMES = {t.name.lower(): int(t) for t in Tag}  # of the meshes that squealx makes

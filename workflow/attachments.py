@@ -15,7 +15,6 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
-from meshes.tags import tag
 from workflow.scene import Scene
 from workflow.sections import Contact, RigidWall, Support
 
@@ -61,14 +60,14 @@ class Supports:
 
 def nodes_of(domain: Domain, names: list[str]) -> Dofs:
     """Return the owned dof blocks of the cells in the regions called ``names``."""
-    cells = np.isin(domain.source.regions, [tag(r) for r in names])
+    cells = np.isin(domain.source.regions, domain.source.tags(names))
     dofs = domain.local_dofs(np.unique(domain.source.cells[cells]))
     return dofs[dofs >= 0]
 
 
 def surface_nodes(domain: Domain, surface: str) -> npt.NDArray[np.int64]:
     """Return the mesh nodes of a surface, ascending."""
-    return np.unique(domain.source.surface(tag(surface)))
+    return np.unique(domain.source.surface(domain.source.tag(surface)))
 
 
 def axle(scene: Scene) -> Array:
@@ -95,13 +94,15 @@ def dead_load(scene: Scene, domain: Domain) -> Array:
     vector.array[:] = 0.0
     if scene.gravity is not None:
         w, dx = ufl.TestFunction(domain.V), exact(domain.msh, domain.regions)
-        bodies = scene.bodies.values()
-        weight = sum(gravity(w, b.material.density, scene.gravity) * dx(b.tags) for b in bodies)
+        bodies, tags = scene.bodies.values(), domain.source.tags
+        weight = sum(
+            gravity(w, b.material.density, scene.gravity) * dx(tags(b.regions)) for b in bodies
+        )
         CellKernel(weight).add(vector)
         vector.scatter_reverse(la.InsertMode.add)
     nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
     for load in scene.loads:
-        quads = domain.source.surface(tag(load.surface))
+        quads = domain.source.surface(domain.source.tag(load.surface))
         force = nodal_traction(domain.source.points, quads, np.array(load.traction))
         nodal += force[domain.nodes[: domain.owned]]
     return nodal.ravel()
@@ -161,7 +162,9 @@ def connections(scene: Scene, domain: Domain) -> Connections | None:
 def surface_share(domain: Domain, surface: str) -> Array:
     """Return each mesh node's share of the area of a surface, summing to 1, shape ``(n,)``."""
     force = nodal_traction(
-        domain.source.points, domain.source.surface(tag(surface)), np.array([1.0, 0, 0])
+        domain.source.points,
+        domain.source.surface(domain.source.tag(surface)),
+        np.array([1.0, 0, 0]),
     )
     return np.asarray(force[:, 0] / force[:, 0].sum())
 
@@ -217,9 +220,9 @@ def pair(model: "Model", key: str, contact: Contact) -> Any:
         wall = contact.target
         target = rigid_plane(np.array(wall.origin), np.array(wall.normal), wall.half_width)
     else:
-        target = surface(domain, tag(contact.target), nodal)
+        target = surface(domain, domain.source.tag(contact.target), nodal)
     return ContactPair(
-        surface(domain, tag(contact.contactor), nodal),
+        surface(domain, domain.source.tag(contact.contactor), nodal),
         target,
         comm=domain.msh.comm,
         dt=model.dt,

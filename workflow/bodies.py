@@ -17,6 +17,7 @@ from forms.kernel import Array
 from forms.stability import assembled_frequency, cell_frequency
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
+from workflow.geometry import cell_size
 from workflow.scene import Scene
 from workflow.sections import Body
 
@@ -39,6 +40,10 @@ class Bodies:
         self.materials = {name: b.material.constants(b.stiffness_damping) for name, b in entries}
         self.laws = {name: law(body) for name, body in entries} | dict(laws or {})
 
+    def tags(self, body: Body) -> tuple[int, ...]:
+        """Return the region tags of the mesh that make a body."""
+        return self.domain.source.tags(body.regions)
+
     def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
         """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
         return sum(
@@ -48,7 +53,7 @@ class Bodies:
                 u,
                 w,
                 self.materials[name],
-                self.dx(body.tags),
+                self.dx(self.tags(body)),
                 v if body.stiffness_damping else None,
                 coefficient=body.hourglass_coefficient,
             )
@@ -59,7 +64,7 @@ class Bodies:
         """Return the form of the strain energy, without that of hourglass control."""
         return sum(
             elements.strain_energy(
-                body.element, self.laws[name], u, self.materials[name], self.dx(body.tags)
+                body.element, self.laws[name], u, self.materials[name], self.dx(self.tags(body))
             )
             for name, body in self.scene.bodies.items()
         )
@@ -71,7 +76,7 @@ class Bodies:
                 self.laws[name],
                 u,
                 self.materials[name],
-                self.dx(body.tags),
+                self.dx(self.tags(body)),
                 coefficient=body.hourglass_coefficient,
             )
             for name, body in self.scene.bodies.items()
@@ -91,7 +96,7 @@ class Bodies:
                 quadratic=body.bulk_viscosity.quadratic,
                 rotating=self.laws[name].rotating,
             )
-            * one_point(self.dx(body.tags))
+            * one_point(self.dx(self.tags(body)))
             for name, body in self.scene.bodies.items()
             if body.bulk_viscosity
         ]
@@ -107,7 +112,7 @@ class Bodies:
         closing = max(np.linalg.norm(np.subtract(a, b)) for a in [*start, (0, 0, 0)] for b in start)
         forms = []
         for name, body in self.scene.bodies.items():
-            dx, constants = self.dx(body.tags), self.materials[name]
+            dx, constants = self.dx(self.tags(body)), self.materials[name]
             if body.bulk_viscosity:
                 viscous = tangent_viscosity(
                     v,
@@ -115,7 +120,7 @@ class Bodies:
                     isotropic(constants),
                     linear=body.bulk_viscosity.linear,
                     quadratic=body.bulk_viscosity.quadratic,
-                    rate=float(closing) / self.scene.mesh.size,
+                    rate=float(closing) / cell_size(self.scene, self.domain.source),
                 )
                 forms.append(viscous * one_point(dx, mixed=body.element != "one-point"))
             if body.stiffness_damping:
@@ -130,7 +135,7 @@ class Bodies:
         """Return the form whose vector is the lumped mass."""
         ones, dm = ufl.as_vector([1.0, 1.0, 1.0]), exact(self.domain.msh, self.domain.regions)
         return sum(
-            self.materials[name].rho * ufl.inner(ones, w) * dm(body.tags)
+            self.materials[name].rho * ufl.inner(ones, w) * dm(self.tags(body))
             for name, body in self.scene.bodies.items()
         )
 

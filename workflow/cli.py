@@ -126,6 +126,28 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
         print(f"{checked.name}: valid")
 
 
+@app.command(
+    epilog=examples(
+        "squealx export hertz hertz.msh",
+        "squealx export flange-transition wheel.vtu --set mesh.size=0.002",
+    )
+)
+def export(
+    scene: SceneName,
+    file: Annotated[
+        Path, typer.Argument(help="Mesh file to write: .msh, .vtu, .vtk, .xdmf or .inp.")
+    ],
+    changes: Changes = None,
+    as_json: Json = False,
+) -> None:
+    """Write the mesh of a scene with its regions and surfaces as named groups."""
+    checked = load(scene, changes)
+    from workflow import foreign
+
+    told = foreign.export(checked, file)
+    print(json.dumps(told) if as_json else foreign.in_words(told))
+
+
 @app.command(epilog=examples("squealx figures runs/bar-impact"))
 def figures(
     folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes.tags import Tag
 from workflow import theme
 from workflow.recorded import Body
 from workflow.theme import Array
@@ -137,7 +136,7 @@ def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
     for region in np.unique(mesh["region"]):
         view.add_mesh(
             mesh.extract_cells(mesh["region"] == region),
-            color=theme.REGION.get(Tag(region), theme.FAINT),
+            color=theme.REGION.get(region, theme.FAINT),
             show_edges=edges,
             edge_color=EDGE,
             edge_opacity=0.8,

@@ -2,6 +2,7 @@
 """The mesh of a scene: made on rank 0, distributed by DOLFINx."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -11,6 +12,7 @@ import numpy as np
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
 from meshes.tags import Tag
+from workflow.file_mesh import FileMesh
 from workflow.scene import Scene, SceneError
 from workflow.sections import BarMesh, BlocksMesh, CapMesh, WheelRailMesh
 
@@ -25,7 +27,7 @@ def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[
     mesh, placement, error = None, None, None
     if comm.rank == 0:
         try:
-            mesh, placement = mesh_of(scene)
+            mesh, placement = mesh_of(scene, log)
             log(f"mesh: {shape_of(mesh)}")
         except (ValueError, OSError) as caught:
             error = SceneError(str(caught))
@@ -33,6 +35,16 @@ def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[
     if error is not None:
         raise error
     return distribute(mesh, comm), comm.bcast(placement)
+
+
+def cell_size(scene: Scene, mesh: HexMesh) -> float:
+    """Return the edge of the cells where bodies touch [m]; of a file, its shortest if not told."""
+    if scene.mesh.size is not None:
+        return scene.mesh.size
+    from meshes.split import edges_of
+
+    edges, _ = edges_of(mesh.cells)
+    return float(np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1).min())
 
 
 def shape_of(mesh: HexMesh) -> str:
@@ -46,11 +58,15 @@ def shape_of(mesh: HexMesh) -> str:
     )
 
 
-def mesh_of(scene: Scene) -> tuple[HexMesh, Any]:
-    """Return the mesh of a scene on this process, and the placement of wheel on rail or None."""
+def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tuple[HexMesh, Any]:
+    """Return the mesh of a scene on this process, and the placement of its wheel or None."""
     mesh = scene.mesh
     if isinstance(mesh, WheelRailMesh):
-        return wheel_on_rail(scene, mesh)
+        return cached_wheel_on_rail(scene, mesh, log)
+    if isinstance(mesh, FileMesh):
+        from workflow.foreign import mesh_from_file
+
+        return mesh_from_file(scene, mesh, log)
     from meshes import blocks
 
     if isinstance(mesh, BarMesh):
@@ -152,6 +168,18 @@ def placement_of(scene: Scene) -> Any:
         radius=mesh.wheel_radius,
         yaw=scene.rolling.angle_of_attack if scene.rolling else 0.0,
     )
+
+
+def cached_wheel_on_rail(
+    scene: Scene, mesh: WheelRailMesh, log: Callable[[str], Any]
+) -> tuple[HexMesh, Any]:
+    """Return wheelset and rail as made before from the same tables and code, or made now."""
+    from meshes import cache
+
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    inputs = {"mesh": mesh.model_dump(mode="json"), "zone": rolling_zone(scene), "yaw": yaw}
+    name = cache.key(inputs, [Path(__file__)])
+    return cache.cached(name, lambda: wheel_on_rail(scene, mesh), log)
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.tags import Tag
-
 if TYPE_CHECKING:
     from workflow.model import Model
 
@@ -37,7 +35,7 @@ def _place(model: "Model", dof: int) -> str:
     domain = model.domain
     node = int(domain.nodes[dof])
     cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
-    region = Tag(int(domain.source.regions[cell])).name.lower()
+    region = domain.source.name(int(domain.source.regions[cell]))
     bodies = model.scene.bodies.items()
     body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
     x, y, z = domain.source.points[node]

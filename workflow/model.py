@@ -159,7 +159,8 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
     V, comm, precision = domain.V, domain.msh.comm, scene.time.precision
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     state.a.array[:] = 0.0
-    densities = {body.tags: body.material.density for body in scene.bodies.values()}
+    entries = scene.bodies.values()
+    densities = {bodies.tags(body): body.material.density for body in entries}
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = lumped_mass(V, bodies.dx, densities)
     u, v, w = state.u, state.v, ufl.TestFunction(V)

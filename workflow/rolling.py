@@ -93,7 +93,9 @@ def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
         )
 
     form = sum(
-        body.material.density * ufl.inner(ufl.grad(model.state.u) * flow(name), w) * dx(body.tags)
+        body.material.density
+        * ufl.inner(ufl.grad(model.state.u) * flow(name), w)
+        * dx(model.bodies.tags(body))
         for name, body in scene.bodies.items()
     )
     out = la.vector(domain.V.dofmap.index_map, 3)

@@ -16,6 +16,7 @@ from forms.elements import Law
 from workflow import guards
 from workflow.clock import Clock
 from workflow.energy import Energy, Ledger, columns
+from workflow.geometry import cell_size
 from workflow.model import Model, build
 from workflow.progress import Progress
 from workflow.results import Results, check_free
@@ -114,7 +115,8 @@ def checked(out: str | Path, comm: MPI.Comm) -> Path:
 
 def check_apart(model: Model) -> None:
     """Refuse bodies that overlap by more than a hundredth of a cell before the run."""
-    limit, look = 0.01 * model.scene.mesh.size, 50 * model.scene.mesh.size
+    size = cell_size(model.scene, model.domain.source)
+    limit, look = 0.01 * size, 50 * size
     for name, pair in model.pairs.items():
         depth, node, place = pair.penetration(model.state, look)
         if depth > limit:

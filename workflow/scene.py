@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from workflow.file_mesh import FileMesh
 from workflow.quantities import Acceleration, explain
 from workflow.sections import (
     BarMesh,
@@ -40,7 +41,9 @@ class Scene(Section):
     name: str
     title: str
     about: str = ""
-    mesh: Annotated[BarMesh | BlocksMesh | CapMesh | WheelRailMesh, Field(discriminator="kind")]
+    mesh: Annotated[
+        BarMesh | BlocksMesh | CapMesh | WheelRailMesh | FileMesh, Field(discriminator="kind")
+    ]
     bodies: dict[str, Body] = Field(min_length=1)
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
     contacts: dict[str, Contact] = Field(default_factory=dict)
@@ -63,8 +66,17 @@ class Scene(Section):
                 raise ValueError(
                     f"rolling.body = {self.rolling.body!r}: expected one of {list(self.bodies)}"
                 )
-            if self.mesh.kind != "wheel-on-rail":
-                raise ValueError(f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail'")
+            if isinstance(self.mesh, FileMesh):
+                keys = ("wheel_centre", "rolling_radius")
+                if missing := [f"mesh.{k}" for k in keys if getattr(self.mesh, k) is None]:
+                    raise ValueError(
+                        f"{', '.join(missing)}: missing; [rolling] with mesh.kind = 'file' "
+                        "expects a point of the axle and the radius at the first contact [m]"
+                    )
+            elif self.mesh.kind != "wheel-on-rail":
+                raise ValueError(
+                    f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail' or 'file'"
+                )
         if self.equilibrium and not (self.loads or any(self.gravity or ())):
             raise ValueError("equilibrium: expected gravity or loads to bring to rest, got neither")
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
@@ -91,7 +103,7 @@ class Scene(Section):
         if self.rolling and self.rolling.driven_region.lower() not in regions:
             got = self.rolling.driven_region
             yield f"rolling.driven_region = {got!r}: expected one of {list(regions)}"
-        for key, surface in self._surfaces():
+        for key, surface in self.surfaces():
             if surface.lower() not in self.mesh.surfaces:
                 yield f"{key} = {surface!r}: expected one of {list(self.mesh.surfaces)}"
         for name in self.equilibrium.approach if self.equilibrium else ():
@@ -122,7 +134,7 @@ class Scene(Section):
                     f"got {body.element!r}"
                 )
 
-    def _surfaces(self) -> Iterator[tuple[str, str]]:
+    def surfaces(self) -> Iterator[tuple[str, str]]:
         """Yield the key and value of every surface that this scene names."""
         for name, contact in self.contacts.items():
             yield f"contacts.{name}.contactor", contact.contactor
@@ -176,12 +188,19 @@ def names() -> list[str]:
 
 
 def read(source: str | Path) -> dict[str, Any]:
-    """Return the tables of a built-in scene or a TOML file, unchecked."""
+    """Return the tables of a built-in scene or a TOML file, unchecked.
+
+    The path of a mesh file is relative to the TOML file that names it.
+    """
     path = Path(source)
     try:
-        return tomllib.loads(_text(path, str(source)))
+        tables = tomllib.loads(_text(path, str(source)))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
+    mesh = tables.get("mesh")
+    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
+        mesh["path"] = str(path.parent / mesh["path"])
+    return tables
 
 
 def _text(path: Path, source: str) -> str:

@@ -6,7 +6,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from meshes.tags import tag
 from workflow.quantities import (
     Angle,
     Component,
@@ -178,11 +177,6 @@ class Body(Section):
     mass_damping: Rate = 0.0
     bulk_viscosity: BulkViscosity | None = None
     velocity: tuple[Speed, Speed, Speed] | None = None
-
-    @property
-    def tags(self) -> tuple[int, ...]:
-        """Region tags of the mesh that make the body."""
-        return tuple(int(tag(name)) for name in self.regions)
 
 
 class RigidWall(Section):

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Making a foreign mesh fit: cells the right way round, facets found on them, stray nodes out."""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.hexmesh import FACES
+from meshes.quality import worst_corners
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+TURNED = [4, 5, 6, 7, 0, 1, 2, 3]  # a hexahedron seen from the other side: top and bottom change
+NEAR = 1e-6  # of the shortest edge: nodes closer than this coincide
+
+
+def turned(points: Array, cells: Indices) -> tuple[Indices, int]:
+    """Return the cells with their nodes in VTK order, and how many had to be turned.
+
+    Args:
+        points: Node positions, shape ``(n, 3)`` [m].
+        cells: Nodes of each hexahedron, either way round, shape ``(c, 8)``.
+
+    Raises:
+        ValueError: if a cell is collapsed or tangled whichever way round it is read.
+    """
+    repeated = (np.diff(np.sort(cells, axis=1), axis=1) == 0).any(axis=1)
+    if repeated.any():
+        first = int(np.argmax(repeated))
+        raise ValueError(
+            f"{repeated.sum()} hexahedra are collapsed: the first is cell {first}, nodes "
+            f"{(cells[first] + 1).tolist()}; expected eight different nodes"
+        )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        worst = worst_corners(points, cells)
+        wrong = np.flatnonzero(~(worst > 0))
+        cells = cells.copy()
+        cells[wrong] = cells[wrong][:, TURNED]
+        worst[wrong] = worst_corners(points, cells[wrong])
+    tangled = wrong[~(worst[wrong] > 0)]
+    if len(tangled):
+        x, y, z = points[cells[tangled[0]]].mean(axis=0)
+        raise ValueError(
+            f"{len(tangled)} hexahedra are tangled: the first is cell {tangled[0]} at "
+            f"x = {x:.5g}, y = {y:.5g}, z = {z:.5g} m, scaled Jacobian {worst[tangled[0]]:.2g}; "
+            "expected the order of VTK and gmsh (one face, then the opposite one)"
+        )
+    return cells, len(wrong)
+
+
+def compact(points: Array, cells: Indices, quads: Indices) -> tuple[Array, Indices, Indices, int]:
+    """Return points, cells and quads without nodes that no cell has, and how many were dropped.
+
+    Args:
+        points: Node positions, shape ``(n, 3)`` [m].
+        cells: Nodes of each hexahedron, shape ``(c, 8)``.
+        quads: Quads whose nodes all belong to cells, shape ``(q, 4)``.
+    """
+    used = np.zeros(len(points), dtype=bool)
+    used[cells] = True
+    number = np.cumsum(used) - 1
+    return points[used], number[cells], number[quads], int((~used).sum())
+
+
+def faces_on(cells: Indices, nodes: Indices) -> Indices:
+    """Return the faces of cells all of whose nodes are among ``nodes``, shape ``(f, 4)``.
+
+    A face between two cells comes twice, once from each side.
+    """
+    on = np.zeros(int(cells.max()) + 1, dtype=bool)
+    on[nodes[nodes < len(on)]] = True
+    near = cells[on[cells].sum(axis=1) >= 4]
+    faces = near[:, FACES].reshape(-1, 4)
+    return faces[on[faces].all(axis=1)]
+
+
+def matched(cells: Indices, quads: Indices) -> tuple[Indices, npt.NDArray[np.int64], int]:
+    """Return the quads as facets seen from outside, how many cells have each, how many were turned.
+
+    A quad that already runs counter-clockwise keeps its first node, so that reading what was
+    written changes nothing. Quads of no cell have count 0 and stay as they are.
+
+    Args:
+        cells: Nodes of each hexahedron in VTK order, shape ``(c, 8)``.
+        quads: Nodes of each quad, either way round, shape ``(q, 4)``.
+    """
+    faces = faces_on(cells, np.unique(quads))
+    both = np.sort(np.vstack([faces, quads]), axis=1)
+    _, number = np.unique(both, axis=0, return_inverse=True)
+    number = number.ravel()
+    of_face, of_quad = number[: len(faces)], number[len(faces) :]
+    count = np.bincount(of_face, minlength=int(number.max(initial=-1)) + 1)
+    face = np.zeros(len(count), dtype=np.int64)
+    face[of_face] = np.arange(len(faces))
+    facets = quads.copy()
+    outside = np.flatnonzero(count[of_quad] == 1)
+    right = faces[face[of_quad[outside]]]
+    same = np.zeros(len(outside), dtype=bool)
+    for k in range(4):
+        same |= (np.roll(right, k, axis=1) == quads[outside]).all(axis=1)
+    facets[outside[~same]] = right[~same]
+    return facets, count[of_quad], int((~same).sum())
+
+
+def coincident(
+    points: Array, cells: Indices, regions: npt.NDArray[np.int32]
+) -> tuple[int, int, Array]:
+    """Return how many pairs of nodes coincide, how many of them in one region, and the first.
+
+    Args:
+        points: Node positions, shape ``(n, 3)`` [m].
+        cells: Nodes of each hexahedron, shape ``(c, 8)``.
+        regions: Region tag of each cell, shape ``(c,)``.
+    """
+    from scipy.spatial import cKDTree
+
+    edges = points[cells[:, [1, 3, 4]]] - points[cells[:, :1]]
+    reach = NEAR * float(np.sqrt((edges**2).sum(axis=2).min()))
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    if not len(pairs):
+        return 0, 0, np.zeros(3)
+    region = np.zeros(len(points), dtype=np.int32)
+    region[cells] = regions[:, None]
+    within = int((region[pairs[:, 0]] == region[pairs[:, 1]]).sum())
+    return len(pairs), within, points[pairs[0, 0]]
