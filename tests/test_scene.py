@@ -47,6 +47,15 @@ def test_built_in_scenes_are_valid_and_say_what_they_are(name):
     assert scene.name == name and scene.title and scene.about
 
 
+WOOD = {
+    "law": "orthotropic",
+    "youngs_moduli": [12e9, 0.6e9, 1e9],
+    "poisson_ratios": [0.4, 0.35, 0.3],
+    "shear_moduli": [0.7e9, 0.8e9, 0.1e9],
+    "density": 500.0,
+}
+WOODEN = {"regions": ["bar"], "material": WOOD}
+
 # key, value and a part of the message, by scene
 WRONG = {
     "bar-wave": [
@@ -65,6 +74,17 @@ WRONG = {
         ("bodies.bar.material.poisson_ratio", 0.5, "= 0.5: expected less than 0.5 [-]"),
         ("bodies.bar.material.density", -1.0, "density = -1.0: expected greater than 0"),
         ("bodies.bar.kinematics", "large", "kinematics = 'large': expected 'small-strain'"),
+        ("bodies.bar.element", "tet", "element = 'tet': expected 'full', 'one-point' or 'selec"),
+        ("bodies.bar.hourglass_coefficient", 0.1, "expected element = 'one-point', got 'full'"),
+        ("bodies.bar.bulk_viscosity", {"linear": -1.0}, "linear = -1.0: expected greater than"),
+        ("bodies.bar.material.law", "rubber", "law = 'rubber': expected 'hooke' or 'neo-hook"),
+        ("bodies.bar.material.law", "neo-hookean", "neo-hookean expects 'total-lagrangian'"),
+        ("bodies.bar.material", {**WOOD, "poisson_ratios": [5.0, 0.0, 0.0]}, "positive energy"),
+        ("bodies.bar.material", {**WOOD, "axes": [[1, 0, 0]] * 3}, "three orthonormal rows"),
+        ("bodies.bar.material", {"law": "orthotropic"}, "youngs_moduli: missing; expected"),
+        ("bodies.bar", {**WOODEN, "element": "selective"}, "'orthotropic' with 'small-strain'"),
+        ("time.precision", "float16", "precision = 'float16': expected 'float64' or 'float32'"),
+        ("time.bound", "none", "time.bound = 'none': expected 'cell' or 'assembled'"),
         ("bodies", {}, "bodies = {}: "),
         ("mesh.kind", "sphere", "mesh"),
         ("time.output_interval", 1.0, "time.output_interval = 1.0: expected at most"),

@@ -40,8 +40,9 @@ Direction = Literal["x", "y", "z", "axle"]
 def explain(error: Any, data: Any, root: type[BaseModel]) -> str:
     """Return one line for a pydantic error: the dotted key, what it got, what it expects."""
     keys: list[str] = []
-    for part in error["loc"]:
-        if isinstance(data, Mapping) and (part in data or error["type"] == "missing"):
+    for depth, part in enumerate(error["loc"], 1):
+        absent = error["type"] == "missing" and depth == len(error["loc"])
+        if isinstance(data, Mapping) and (part in data or absent):
             data = data.get(part)
         elif isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
             data = data[part]
