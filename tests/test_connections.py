@@ -174,6 +174,35 @@ def test_reaction_on_the_masses_balances_the_forces_on_the_nodes():
     np.testing.assert_allclose(total, 0, atol=1e-12 * np.abs(masses.force).max())
 
 
+def test_spread_springs_node_by_node():
+    """−k e − c ė on every node, e from its mass or the ground; a node may have two springs.
+
+    Against a loop over the springs; and the same with no point mass at all.
+    """
+    random = np.random.default_rng(3)
+    masses = point_masses([M, M])
+    dofs = np.array([3, 0, 3, 4, 1], dtype=np.int32)
+    point = np.array([1, -1, 0, 1, -1], dtype=np.int32)
+    k, c = random.uniform(1, 2, (2, 5, 3))
+    u, v = random.standard_normal((2, 5, 3))
+    masses.u[:], masses.v[:] = random.standard_normal((2, 2, 3))
+    force, reaction = np.zeros(15), np.zeros((2, 3))
+    Spread(dofs, point, k, c, masses).add(u.ravel(), v.ravel(), force, reaction, 0.0)
+    nodal, ends = np.zeros((5, 3)), np.zeros((2, 3))
+    for i, (node, m) in enumerate(zip(dofs, point, strict=True)):
+        q, w = (masses.u[m], masses.v[m]) if m >= 0 else (0.0, 0.0)
+        f = -k[i] * (u[node] - q) - c[i] * (v[node] - w)
+        nodal[node] += f
+        if m >= 0:
+            ends[m] -= f
+    np.testing.assert_allclose(force.reshape(-1, 3), nodal, rtol=1e-13)
+    np.testing.assert_allclose(reaction, ends, rtol=1e-13)
+    force[:] = 0.0
+    ground = Spread(dofs[1:2], point[1:2], k[1:2], c[1:2], point_masses([]))
+    ground.add(u.ravel(), v.ravel(), force, np.zeros((0, 3)), 0.0)
+    np.testing.assert_allclose(force[:3], -k[1] * u[0] - c[1] * v[0], rtol=1e-13)
+
+
 def test_condensed_stiffness_is_the_derivative_of_the_settled_forces():
     """−∂f_i/∂u_j with the masses at rest again, by exact differences of a linear model: 1e-11.
 

@@ -115,6 +115,21 @@ def test_work_of_the_torque_is_torque_times_angle():
     assert load.work == pytest.approx(500.0 * 4 * np.pi, rel=3e-5)
 
 
+def test_work_of_the_torque_is_that_of_its_forces():
+    """Nodes that move at random while the torque rises: W = Σ (f₀ + f) · Δu / 2, to round-off."""
+    load, random = drive(500.0, ramp=1.0), np.random.default_rng(4)
+    state, last = motion(12)[0], motion(12)[1].array
+    before, work = state.u.x.array.copy(), 0.0
+    for state.t in np.linspace(0, 1.5, 16):
+        force = motion(12)[1]
+        load.add(state, force)
+        work += float((last + force.array) @ (state.u.x.array - before)) / 2
+        before, last = state.u.x.array.copy(), force.array
+        state.u.x.array[:] += random.standard_normal(36)
+    assert load.work == pytest.approx(work, rel=1e-12)
+    assert abs(work) > 1.0
+
+
 def test_work_of_a_ramped_torque():
     """Turning evenly while the torque rises to T: W = T φ / 2."""
     load = drive(500.0, ramp=1.0)

@@ -8,6 +8,7 @@ import pytest
 
 from forms.connections import Connections, PointMasses
 from workflow import guards
+from workflow.attachments import Supports
 from workflow.model import Model, build
 from workflow.scene import Scene
 from workflow.stepping import central_difference, no_hold
@@ -57,6 +58,36 @@ def test_supports_stay_where_they_are(model):
         pass
     assert not u[clamped, 0].any()
     assert u[clamped, 1].all() and u[~clamped].all()
+
+
+def test_supports_take_only_the_held_component(model):
+    """Along an axis it is exactly zero, along a slanted n it is a − (a·n) n; other nodes are left.
+
+    The groups overlap, as on an edge: the node of both loses y and then n, which is normal to y.
+    """
+    n = np.array([0.6, 0.0, -0.8])
+    y = np.array([0.0, -1.0, 0.0])
+    hold = Supports([np.array([1, 4], dtype=np.int32), np.array([4, 7], dtype=np.int32)], [y, n])
+    a = model.state.a
+    a.array[:] = np.random.default_rng(2).standard_normal(len(a.array))
+    expected = a.array.reshape(-1, 3).copy()
+    hold(a)
+    expected[[1, 4], 1] = 0.0
+    for node in (4, 7):
+        expected[node] -= (expected[node] @ n) * n
+    held = a.array.reshape(-1, 3)
+    assert not held[[1, 4], 1].any()
+    np.testing.assert_allclose(held, expected, rtol=1e-14, atol=1e-15)
+
+
+def test_steps_start_from_the_dead_force(model):
+    """The weight as a constant force and nothing added: the parabola of a free flight."""
+    weight = (model.mass.array.reshape(-1, 3) * G).ravel()[: 3 * model.domain.owned]
+    args = model.state, model.mass.petsc_vec, [], no_hold, 1e-3, 7e-3
+    for s in central_difference(*args, dead=weight):
+        u = s.u.x.array.reshape(-1, 3)
+        np.testing.assert_allclose(u, np.tile(G * s.t**2 / 2, (len(u), 1)), rtol=1e-13)
+    assert s.step == 7
 
 
 def held_from_rest(model: Model):
