@@ -141,9 +141,12 @@ def test_non_finite_motion_is_caught_with_its_place(model, bad):
 
 
 def test_finite_motion_passes_the_guard(model):
-    """The same step without the bad number."""
+    """The same step without the bad number; one that comes later is found too, whatever its sign."""
     model.state.u.x.array[:] = np.random.default_rng(0).standard_normal(len(model.state.u.x.array))
     loads = [model.internal.add]
     next(central_difference(model.state, model.mass.petsc_vec, loads, no_hold, model.dt, 1.0))
     assert np.abs(model.state.a.array).max() > 0
     guards.check_finite(model)
+    model.state.a.array[7] = -np.inf
+    with pytest.raises(guards.GuardError, match="non-finite"):
+        guards.check_finite(model)
