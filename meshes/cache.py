@@ -10,7 +10,6 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -76,7 +75,7 @@ def cached(name: str, make: Callable[[], Placed], log: Callable[[str], Any]) -> 
             os.utime(path)
             log(f"mesh: taken from the cache, {path}")
             return found
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except Exception as error:  # a damaged file can fail in any way
         log(f"mesh: the cache cannot be read and is left aside ({type(error).__name__}: {error})")
     made = make()
     try:
@@ -111,7 +110,7 @@ def load(path: Path) -> Placed:
     """Return a mesh and its placement.
 
     Raises:
-        OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile: if the file is damaged.
+        OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile: if the file is damaged.
     """
     with np.load(path, allow_pickle=False) as data:
         arrays = {name: data[name] for name in ARRAYS}

@@ -15,13 +15,13 @@ from meshes.tags import NAMES
 
 __all__ = ["groups", "read", "write"]
 
-# Written without loss: what meshio calls the format, and whether it has groups.
+# Written without loss: what meshio calls the format, and what its names must not contain.
 FORMATS = {
-    ".msh": ("gmsh22", False),
-    ".vtu": ("vtu", False),
-    ".vtk": ("vtk", False),
-    ".xdmf": ("xdmf", False),
-    ".inp": ("abaqus", True),
+    ".msh": ("gmsh22", '"'),
+    ".vtu": ("vtu", "-"),
+    ".vtk": ("vtk", "- "),
+    ".xdmf": ("xdmf", "-"),
+    ".inp": ("abaqus", ",*="),
 }
 SOLIDS = ("hexahedron", "tetra", "wedge", "pyramid", "VTK_LAGRANGE_H", "VTK_LAGRANGE_T")
 FIRST_TAG = 1000  # of names that squealx does not know
@@ -181,27 +181,25 @@ def write(mesh: HexMesh, path: str | Path, names: Mapping[str, int] | None = Non
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"expected a name ending in {', '.join(FORMATS)}, got {path.name!r}")
-    kind, sets = FORMATS[path.suffix.lower()]
+    kind, forbidden = FORMATS[path.suffix.lower()]
     called = {tag: name for name, tag in (mesh.names if names is None else names).items()}
     tags = [mesh.regions, mesh.surfaces]
     used = [{int(t): called.get(int(t), str(t)) for t in np.unique(of)} for of in tags]
     cells = [("hexahedron", mesh.cells), ("quad", mesh.facets)]
+    _check_names(used, forbidden)
     if not len(mesh.facets):
         cells, tags, used = cells[:1], tags[:1], [used[0], {}]
     out = meshio.Mesh(mesh.points, cells)
     if kind == "gmsh22":
-        _check_names(used, '"')
         data = [t.astype(np.int32) for t in tags]
         out.cell_data = {"gmsh:physical": data, "gmsh:geometrical": [d.copy() for d in data]}
         dims = ((3, used[0]), (2, used[1]))
         out.field_data = {n: np.array([t, dim]) for dim, of in dims for t, n in of.items()}
-    elif sets:
-        _check_names(used, ",*=")
+    elif kind == "abaqus":
         every = dict.fromkeys(n for of in used for n in of.values())
         number = {n: t for of in used for t, n in of.items()}
         out.cell_sets = {n: [np.flatnonzero(t == number[n]) for t in tags] for n in every}
     else:
-        _check_names(used, "-")
         name = {**used[0], **used[1]}
         order = sorted(name)
         key = "-".join(name[t] for t in order)
