@@ -141,7 +141,7 @@ def test_non_finite_motion_is_caught_with_its_place(model, bad):
 
 
 def test_finite_motion_passes_the_guard(model):
-    """The same step without the bad number; one that comes later is found too, whatever its sign."""
+    """The same step without the bad number; one that comes later is found too."""
     model.state.u.x.array[:] = np.random.default_rng(0).standard_normal(len(model.state.u.x.array))
     loads = [model.internal.add]
     next(central_difference(model.state, model.mass.petsc_vec, loads, no_hold, model.dt, 1.0))
