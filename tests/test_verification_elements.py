@@ -17,7 +17,8 @@ from forms.materials import Orthotropic
 from forms.native import NativeKernel
 from meshes import blocks
 from meshes.domain import Domain, distribute
-from meshes.hexmesh import boundary
+from meshes.hexmesh import boundary, join
+from meshes.tags import Tag
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)
 TURN = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))[0]
@@ -133,6 +134,42 @@ def test_row_1_single_precision(case):
     """The same in float32, strains of some per cent: some round-offs of 6e-8, below 3e-6."""
     error = kernel_error(case, (3, 3, 3), 1, 210e9, 0.3, 1e-6, np.float32)
     assert 1e-9 < error < 3e-6
+
+
+SIDE_BY_SIDE = [
+    (("full", "small-strain", None, STEEL), ("one-point", "total-lagrangian", None, STEEL)),
+    (("one-point", "neo-hookean", 0.1, STEEL), ("selective", "neo-hookean", None, STEEL)),
+    (("selective", "small-strain", None, STEEL), ("full", "total-lagrangian", None, SPRUCE)),
+    (("one-point", "small-strain", None, SPRUCE), ("one-point", "small-strain", 0.1, STEEL)),
+]
+
+
+@pytest.mark.parametrize("pair", SIDE_BY_SIDE)
+def test_row_1_bodies_of_different_elements_in_one_form(pair):
+    """Two regions, an element each: one kernel = the two assembled by themselves, 1e-13.
+
+    Of value because FFCx mixes rules of one point with others where they share cells
+    (:func:`forms.cells.one_point`).
+    """
+    other = blocks.block((2, 0, 0), (3, 1, 1), cells=(2, 2, 2), region=Tag.BASE)
+    own = blocks.block((0, 0, 0), (1, 1, 1), cells=(3, 3, 3))
+    two = join(*(blocks.distorted(part, amplitude=0.3, seed=2) for part in (own, other)))
+    domain = distribute(two, MPI.COMM_SELF)
+    dx = full(domain.msh, domain.regions)
+    u, v, w = fem.Function(domain.V), fem.Function(domain.V), ufl.TestFunction(domain.V)
+    random = np.random.default_rng(3)
+    u.x.array[:] = 0.02 * random.standard_normal(u.x.array.shape)
+    v.x.array[:] = 1e3 * random.standard_normal(u.x.array.shape)
+    forms = [
+        internal_work(element, LAWS[law], u, w, material, dx(tag), v, coefficient=coefficient)
+        for (element, law, coefficient, material), tag in zip(
+            pair, (Tag.BLOCK, Tag.BASE), strict=True
+        )
+    ]
+    expected = sum(fem.assemble_vector(fem.form(form)).array for form in forms)
+    out = np.zeros_like(u.x.array)
+    NativeKernel(sum(forms)).add(out)
+    np.testing.assert_allclose(out, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("case", CASES, ids=name)

@@ -4,17 +4,23 @@
 All on one distorted mesh of 27 hexahedra in two regions, which fills the unit cube.
 """
 
+from typing import Any
+
 from mpi4py import MPI
 
+import basix.ufl
 import dolfinx
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 from ufl import Identity, det, grad, inner, ln, sym, tr
 
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.kernel import CellKernel
+from forms.native import NativeKernel
 from meshes import blocks
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import boundary, join
@@ -73,6 +79,128 @@ def neo_hookean(u, w):
 def varying(u, w, E):
     """Small strain with Young's modulus as a P1 field, ν = 0."""
     return E * inner(sym(grad(u)), sym(grad(w)))
+
+
+Pool = dict[int, list[Any]]  # scalars by the quadrature degree that they go with
+
+
+def pool(domain: Domain, seed: int) -> Pool:
+    """Everything scalar that a form may hold, of order one, random: by quadrature degree 2 and 3.
+
+    Vector and scalar P1 fields, their gradients, cell-wise and point-wise fields, constants, the
+    coordinates.
+    """
+    random, msh = np.random.default_rng(seed), domain.msh
+    point = [
+        basix.ufl.quadrature_element("hexahedron", value_shape=(), degree=degree)
+        for degree in (2, 3)
+    ]
+    fields = []
+    for element in (("Lagrange", 1, (3,)), ("Lagrange", 1), ("DG", 0), *point):
+        f = fem.Function(fem.functionspace(msh, element))
+        f.x.array[:] = random.uniform(-1, 1, f.x.array.shape)
+        fields.append(f)
+    u, p, q, *points = fields
+    H = grad(u) / 3  # h = 1/3
+    c = [fem.Constant(msh, random.uniform(0.5, 2)), fem.Constant(msh, random.uniform(-1, 1, 3))]
+    x = ufl.SpatialCoordinate(msh)
+    shared = [u[0], u[2], H[0, 1], H[2, 2], tr(H), p, grad(p)[1] / 3, q, c[0], c[1][2], x[0], x[2]]
+    return {degree: [*shared, own] for degree, own in zip((2, 3), points, strict=True)}
+
+
+UNARY = {
+    "abs": abs,
+    "sqrt": lambda a: ufl.sqrt(1 + a**2),
+    "square": lambda a: a**2,
+    "cube": lambda a: a**3,
+    "power": lambda a: (1 + a**2) ** 0.7,
+    "reciprocal": lambda a: 1 / (1 + a**2),
+    "exp": lambda a: ufl.exp(-(a**2)),
+    "ln": lambda a: ln(2 + a**2),
+    "sin": ufl.sin,
+    "tanh": ufl.tanh,
+}
+BINARY = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / (1.5 + abs(b)),
+    "min": ufl.min_value,
+    "max": ufl.max_value,
+    "atan2": lambda a, b: ufl.atan2(a, 2 + b**2),
+    "lt": lambda a, b: ufl.conditional(ufl.lt(a, b), a * b, 2 - b),
+    "and": lambda a, b: ufl.conditional(ufl.And(ufl.gt(a, 0.1), ufl.Not(ufl.le(b, 0.2))), a, b**2),
+}
+DEGREES = st.sampled_from([2, 3])
+SCALARS = st.recursive(
+    st.integers(0, 12),
+    lambda inner: st.one_of(
+        st.tuples(st.sampled_from(sorted(UNARY)), inner),
+        st.tuples(st.sampled_from(sorted(BINARY)), inner, inner),
+    ),
+    max_leaves=5,
+)
+TESTED = ("w", "grad w", "small strain", "St. Venant-Kirchhoff")
+TERMS = st.tuples(
+    SCALARS,
+    st.sampled_from(TESTED),
+    DEGREES,
+    st.sampled_from([None, (Tag.BLOCK,), (Tag.BASE,), (Tag.BLOCK, Tag.BASE)]),
+)
+
+
+def scalar(drawn: Any, leaves: list[Any]) -> Any:
+    """UFL expression of a drawn tree."""
+    if isinstance(drawn, int):
+        return leaves[drawn]
+    name, *operands = drawn
+    return (UNARY | BINARY)[name](*(scalar(each, leaves) for each in operands))
+
+
+def term(drawn: Any, domain: Domain, leaves: Pool, w: Any) -> Any:
+    """A cell integral of one region, or some, or all, with one of two quadrature degrees."""
+    tree, tested, degree, region = drawn
+    a = scalar(tree, leaves[degree])
+    u = leaves[degree][0].ufl_operands[0]
+    if tested == "w":
+        integrand = a * w[1] + inner(u, w)
+    elif tested == "grad w":
+        integrand = a * grad(w)[0, 2] - grad(w)[1, 1]
+    else:
+        soft = Elastic(1 + a**2, 0.3, 1.0)
+        residual = small_strain if tested == "small strain" else st_venant_kirchhoff
+        integrand = residual(u, w, soft)
+    dx = full(domain.msh, domain.regions)(metadata={"quadrature_degree": degree})
+    return integrand * (dx if region is None else dx(region))
+
+
+def kernel_error(form: Any, dtype: Any) -> float:
+    """Difference of native kernel and ``assemble_vector`` with default flags, over the largest."""
+    expected = fem.assemble_vector(fem.form(form)).array
+    out = np.zeros_like(expected)
+    NativeKernel(form, dtype).add(out)
+    return float(np.abs(out - expected).max() / (np.abs(expected).max() or 1.0))
+
+
+@settings(
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    phases=[Phase.explicit, Phase.generate],  # each example is compiled: no search for a smaller
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(st.lists(TERMS, min_size=1, max_size=4), st.integers(0, 1000))
+def test_row_1_random_forms(two, drawn, seed):
+    """Sums of random terms: native kernel = ``assemble_vector``, 1e-13 of the largest entry.
+
+    Any scalars under any functions, conditionals included, before ``w``, ``∇w`` or as a modulus;
+    all cells, a region, or two; two quadrature degrees with fields at the points of each. In single
+    precision within 1e-5.
+    """
+    leaves, w = pool(two, seed), ufl.TestFunction(two.V)
+    form = sum(term(each, two, leaves, w) for each in drawn)
+    assert kernel_error(form, np.float64) <= 1e-13
+    assert kernel_error(form, np.float32) <= 1e-5
 
 
 FORMS = {
