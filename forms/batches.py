@@ -9,6 +9,7 @@ from dolfinx import fem
 from dolfinx.fem.forms import get_integration_domains
 
 Indices = npt.NDArray[np.int32]
+Entries = npt.NDArray[np.uint32]
 
 
 def integral_cells(form: Any, ids: list[int]) -> list[Indices]:
@@ -38,31 +39,55 @@ def integral_cells(form: Any, ids: list[int]) -> list[Indices]:
     ]
 
 
-def batches(dofmaps: list[Indices], cells: Indices, lanes: int) -> list[Indices]:
-    """Return the dofs of the cells by lane, one array for equal dofmaps.
+def batches(dofmaps: list[tuple[Indices, int]], cells: Indices, lanes: int) -> list[Entries]:
+    """Return where the dofs of the cells begin in their arrays, by lane; one array for equal ones.
 
     Args:
-        dofmaps: Dofs of every cell of the mesh, each of shape ``(n_cells, dofs)``.
+        dofmaps: Dofs of every cell of the mesh, each of shape ``(n_cells, dofs)``, and the number
+            of entries that each dof has.
         cells: Cells of the integral, shape ``(n,)``.
         lanes: Number of cells that are computed at once.
 
     Returns:
-        Dofs in batches, each of shape ``(n_batches, dofs, lanes)``.
+        Numbers of first entries in batches, each of shape ``(n_batches, dofs, lanes)``.
     """
-    result: list[Indices] = []
-    for i, dofmap in enumerate(dofmaps):
-        same = (j for j in range(i) if np.array_equal(dofmaps[j], dofmap))
+    result: list[Entries] = []
+    for i, (dofmap, size) in enumerate(dofmaps):
+        same = (
+            j for j, d in enumerate(dofmaps[:i]) if d[1] == size and np.array_equal(d[0], dofmap)
+        )
         first = next(same, None)
-        result.append(by_lane(dofmap, cells, lanes) if first is None else result[first])
+        new = by_lane(dofmap, cells, lanes, size) if first is None else result[first]
+        result.append(new)
     return result
 
 
-def by_lane(dofmap: Indices, cells: Indices, lanes: int) -> Indices:
-    """Return the dofs of the cells in batches of ``lanes``, shape ``(n_batches, dofs, lanes)``.
+def by_lane(dofmap: Indices, cells: Indices, lanes: int, size: int = 1) -> Entries:
+    """Return ``size`` times the dofs of the cells in batches, shape ``(n_batches, dofs, lanes)``.
 
     The last batch is filled up with its last cell; the kernel scatters no lane beyond the cells.
     Neighbouring cells of the mesh, numbered by DOLFINx for locality, share a batch.
     """
     padded = np.pad(cells, (0, -len(cells) % lanes), mode="edge") if len(cells) else cells
-    blocks = dofmap[padded].reshape(-1, lanes, dofmap.shape[1])
-    return np.ascontiguousarray(blocks.transpose(0, 2, 1), dtype=np.int32)
+    blocks = dofmap[padded].reshape(-1, lanes, dofmap.shape[1]).astype(np.uint32)
+    return np.ascontiguousarray(size * blocks.transpose(0, 2, 1), dtype=np.uint32)
+
+
+def last_to_the_end(
+    dofmaps: list[tuple[Indices, int]], cells: Indices, lanes: int
+) -> tuple[Indices, int]:
+    """Return the cells, those with the last dof of an array at the end, batches without.
+
+    Behind the three numbers of any other dof there is a fourth that may be read
+    (forms/simd/nodes.py).
+
+    Args:
+        dofmaps: Dofs of every cell of the mesh, each of shape ``(n_cells, dofs)``, and the number
+            of dofs in the array.
+        cells: Cells of the integral, shape ``(n,)``.
+        lanes: Number of cells that are computed at once.
+    """
+    last = np.zeros(len(cells), dtype=bool)
+    for dofmap, number in dofmaps:
+        last |= (dofmap[cells] == number - 1).any(axis=1)
+    return np.concatenate([cells[~last], cells[last]]), int((~last).sum()) // lanes

@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 import ufl
-from ufl import as_vector, cross, outer, tr
+from ufl import as_matrix, as_vector, cross, outer
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import GateauxDerivativeRuleset, apply_derivatives
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.classes import (
+    Argument,
     FormArgument,
     Jacobian,
     JacobianDeterminant,
@@ -76,9 +77,11 @@ def _(self: Any, o: CellGrad) -> Any:
 class Taylor:
     """Derivatives of a field by the reference coordinates, at the centre of the cell.
 
+    They are scaled to be sums of the nodal values with signs, ``Σ ±f_I``: fewer multiplications.
+
     Attributes:
-        first: ``f,a``, three vectors ``(3,)``.
-        second: ``f,ab`` by pair in the order of :data:`PAIRS`, vectors ``(3,)``.
+        first: ``4 f,a``, three vectors ``(3,)``.
+        second: ``2 f,ab`` by pair in the order of :data:`PAIRS`, vectors ``(3,)``.
         third: ``f,012``, shape ``(3,)``.
     """
 
@@ -120,47 +123,63 @@ def positions(domain: Any) -> Taylor:
 def _taylor(D1: Any, D2: Any, D3: Any) -> Taylor:
     """Derivatives as vectors from the tensors of first, second and third order."""
 
-    def vector(D: Any, *axes: int) -> Any:
-        return as_vector([D[(i, *axes)] for i in range(3)])
+    def vector(scale: float, D: Any, *axes: int) -> Any:
+        return as_vector([scale * D[(i, *axes)] for i in range(3)])
 
     return Taylor(
-        [vector(D1, a) for a in range(3)],
-        {(a, b): vector(D2, a, b) for a, b in PAIRS},
-        vector(D3, 0, 1, 2),
+        [vector(4.0, D1, a) for a in range(3)],
+        {(a, b): vector(2.0, D2, a, b) for a, b in PAIRS},
+        vector(1.0, D3, 0, 1, 2),
     )
 
 
 def area_vectors(x: Taylor) -> tuple[list[Any], dict[tuple[int, int], Any]]:
     """Return the vectors that the derivatives of a field meet in its volume integral [m²].
 
-    ``∫ ∇f dV = f,a ⊗ Aₐ + f,ab ⊗ A_ab`` with, for (a, b, c) cyclic,
-    ``Aₐ = x,b × x,c + x,ab × x,ac / 12`` and ``A_ab = (x,b × x,bc + x,ac × x,a) / 12``: the exact
-    integral of the trilinear cell, that is the B matrix of Flanagan and Belytschko (1981).
-    The value of the centre would not pass the patch test on cells with warped faces.
+    ``64 ∫ ∇f dV = fₐ ⊗ Aₐ + f_ab ⊗ A_ab`` with the scaled derivatives of :class:`Taylor` and, for
+    (a, b, c) cyclic, ``Aₐ = x_b × x_c + x_ab × x_ac / 3`` and
+    ``A_ab = (x_b × x_bc + x_ac × x_a) / 3``: the exact integral of the trilinear cell, that is the
+    B matrix of Flanagan and Belytschko (1981). The value of the centre would not pass the patch
+    test on cells with warped faces.
     """
     X = x.first
+    third = {p: x.second[p] / 3 for p in PAIRS}
 
-    def p(a: int, b: int) -> Any:
-        return x.second[min(a, b), max(a, b)]
+    def p(a: int, b: int) -> tuple[int, int]:
+        return (a, b) if a < b else (b, a)
 
-    single = [cross(X[b], X[c]) + cross(p(a, b), p(a, c)) / 12 for a, b, c in CYCLIC]
+    single = [cross(X[b], X[c]) + cross(third[p(a, b)], x.second[p(a, c)]) for a, b, c in CYCLIC]
     double = {
-        (min(a, b), max(a, b)): (cross(X[b], p(b, c)) + cross(p(a, c), X[a])) / 12
-        for a, b, c in CYCLIC
+        p(a, b): cross(X[b], third[p(b, c)]) + cross(third[p(a, c)], X[a]) for a, b, c in CYCLIC
     }
     return single, double
 
 
-def gradient_integral(f: Taylor, x: Taylor) -> Any:
-    """Return ``∫ ∇f dV`` over the cell, exactly, shape ``(3, 3)`` [m³ times that of ∇f]."""
+def scaled_integral(f: Taylor, x: Taylor) -> Any:
+    """Return ``64 ∫ ∇f dV`` over the cell, exactly, shape ``(3, 3)`` [m³ times that of ∇f]."""
     single, double = area_vectors(x)
     first = sum(outer(f.first[a], single[a]) for a in range(3))
     return first + sum(outer(f.second[p], double[p]) for p in PAIRS)
 
 
+def scaled_volume(x: Taylor) -> Any:
+    """Return 64 times the exact volume of the cell with the given positions [m³].
+
+    ``∫ ∇x dV = V I``: any entry of the diagonal is the volume.
+    """
+    single, double = area_vectors(x)
+    first = sum(x.first[a][0] * single[a][0] for a in range(3))
+    return first + sum(x.second[p][0] * double[p][0] for p in PAIRS)
+
+
+def gradient_integral(f: Taylor, x: Taylor) -> Any:
+    """Return ``∫ ∇f dV`` over the cell, exactly, shape ``(3, 3)`` [m³ times that of ∇f]."""
+    return scaled_integral(f, x) / 64
+
+
 def volume(x: Taylor) -> Any:
     """Return the exact volume of the cell with the given positions [m³]."""
-    return tr(gradient_integral(x, x)) / 3
+    return scaled_volume(x) / 64
 
 
 def mean_gradient(f: Any) -> Any:
@@ -170,7 +189,7 @@ def mean_gradient(f: Any) -> Any:
         f: Function or argument of a vector P1 space on hexahedra.
     """
     x = positions(extract_unique_domain(f))
-    return gradient_integral(taylor(f), x) / volume(x)
+    return scaled_integral(taylor(f), x) / scaled_volume(x)
 
 
 class _MeanGrad(MultiFunction):
@@ -186,6 +205,22 @@ class _MeanGrad(MultiFunction):
         return mean_gradient(f)
 
 
+class _Virtual(_MeanGrad):
+    """The same, but the test function and its gradient are replaced by what is given."""
+
+    def __init__(self, value: Any, gradient: Any) -> None:
+        super().__init__()
+        self.value, self.gradient = value, gradient
+
+    def argument(self, o: Any) -> Any:
+        """Return what stands for the test function."""
+        return o if self.value is None else self.value
+
+    def grad(self, o: Any) -> Any:
+        """Return what stands for its gradient, and the mean gradient of other fields."""
+        return self.gradient if isinstance(o.ufl_operands[0], Argument) else super().grad(o)
+
+
 def uniform(integrand: Any) -> Any:
     """Return an integrand with all gradients replaced by their cell means, for one-point rules.
 
@@ -199,9 +234,38 @@ def uniform(integrand: Any) -> Any:
         Integrand for :func:`one_point`.
     """
     domain = extract_unique_domain(integrand)
-    expanded = apply_derivatives(apply_algebra_lowering(integrand))
-    means = map_integrand_dags(_MeanGrad(), expanded)
+    means = map_integrand_dags(_MeanGrad(), _expanded(integrand))
     return means * volume(positions(domain)) * per_point(domain)
+
+
+def mean_stress(integrand: Any) -> tuple[Any, Any]:
+    """Return the stress of the cell means and, for one-point rules, the work of all else.
+
+    An integrand that is linear in the test function w is ``P : ∇w + b · w``; its entries ``P_ij``
+    are what it is for unit tensors in place of ``∇w``.
+
+    Args:
+        integrand: UFL integrand of vector P1 fields on hexahedra, linear in one argument.
+
+    Returns:
+        ``P`` of shape ``(3, 3)`` [Pa], and the integrand ``b · w`` [J/m³].
+    """
+    domain = extract_unique_domain(integrand)
+    expanded = _expanded(integrand)
+    rest = map_integrand_dags(_Virtual(None, Zero((3, 3))), expanded)
+    rows = [[_Virtual(Zero((3,)), _unit(i, j)) for j in range(3)] for i in range(3)]
+    P = as_matrix([[map_integrand_dags(rule, expanded) for rule in row] for row in rows])
+    return P, rest * volume(positions(domain)) * per_point(domain)
+
+
+def _unit(i: int, j: int) -> Any:
+    """Return the tensor with one entry of one."""
+    return as_matrix([[float((m, n) == (i, j)) for n in range(3)] for m in range(3)])
+
+
+def _expanded(integrand: Any) -> Any:
+    """Return an integrand with products and derivatives written out, but for gradients."""
+    return apply_derivatives(apply_algebra_lowering(integrand))
 
 
 def per_point(domain: Any) -> Any:

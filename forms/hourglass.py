@@ -15,23 +15,23 @@ vanish for every linear field on every cell, and turn with the body. A body with
 from collections.abc import Callable
 from typing import Any
 
-from ufl import Identity, dot, outer, sqrt
+from ufl import as_vector, dot, outer
 from ufl.domain import extract_unique_domain
 
 from forms.cells import (
     PAIRS,
     Taylor,
     area_vectors,
-    gradient_integral,
+    mean_stress,
     per_point,
     positions,
+    scaled_integral,
+    scaled_volume,
     taylor,
-    uniform,
-    volume,
 )
 
 Residual = Callable[..., Any]
-Modes = dict[Any, Any]  # a vector by pair of reference axes, and one for THIRD
+Modes = dict[Any, Any]  # by pair of reference axes or THIRD, vectors or components
 THIRD = (0, 1, 2)
 OTHERS = {0: (1, 2), 1: (0, 2), 2: (0, 1)}
 
@@ -53,8 +53,9 @@ def one_point_residual(
     """
 
     def reduced(u: Any, w: Any, material: Any, v: Any = None) -> Any:
-        control = hourglass(u, w, moduli or material, v, rotating=rotating, coefficient=coefficient)
-        return uniform(residual(u, w, material, v)) + control
+        cell = Cell(u, moduli or material, rotating, coefficient)
+        P, rest = mean_stress(residual(u, w, material, v))
+        return cell.work(cell.resistance(v), w, P) + rest
 
     return reduced
 
@@ -83,11 +84,7 @@ def hourglass(
             stiffness (:func:`flanagan_belytschko`; 0.05 to 0.15 is usual) [-].
     """
     cell = Cell(u, material, rotating, coefficient)
-    s = cell.modes()
-    if v is not None:
-        rate = cell.rate(v)
-        s = {k: s[k] + material.damping * rate[k] for k in s}
-    return cell.work(cell.forces(s), w)
+    return cell.work(cell.resistance(v), w)
 
 
 def hourglass_energy(
@@ -96,83 +93,110 @@ def hourglass_energy(
     """Return the energy of the hourglass control, for the one-point measure [J/m³]."""
     cell = Cell(u, material, rotating, coefficient)
     s = cell.modes()
-    R = cell.forces(s)
-    return sum(dot(R[k], s[k]) for k in s) / 2 * cell.weight
+    f = cell.forces(s)
+    return sum(f[k] * s[k] for k in s) / 2 * cell.weight
 
 
 class Cell:
     """Hourglass modes of a displacement on a cell, and the forces that resist them.
 
     Where the body rotates, amplitudes are pulled back, ``Fᵀ q``: no rotation changes them, and they
-    are the slopes of the Green–Lagrange strain.
+    are the slopes of the Green–Lagrange strain. Their components along a basis of the cell at rest
+    are those of ``q`` along the basis that moves with it: ``Fᵀ q · b = q · F b``.
+
+    Attributes:
+        basis: Three vectors on the cell at rest: its axes [m], or unit vectors [-].
+        moved: The same on the cell as it is now.
     """
 
     def __init__(self, u: Any, material: Any, rotating: bool, coefficient: float | None) -> None:
         domain = extract_unique_domain(u)
         self.x = positions(domain)
-        self.V = volume(self.x)
+        self.V = scaled_volume(self.x)
         self.weight = per_point(domain)
         self.material, self.rotating, self.coefficient = material, rotating, coefficient
+        unit = [as_vector([float(i == a) for i in range(3)]) for a in range(3)]
+        self.basis = self.x.first if coefficient is None else unit
         H, self.q = self._amplitudes(u)
-        self.F = Identity(3) + H
+        self.moved = [b + dot(H, b) for b in self.basis] if rotating else self.basis
 
     def _amplitudes(self, f: Any) -> tuple[Any, Modes]:
         """Mean gradient of a field, shape ``(3, 3)``, and its hourglass amplitudes."""
         t = taylor(f)
-        H = gradient_integral(t, self.x) / self.V
+        H = scaled_integral(t, self.x) / self.V
         q: Modes = {p: t.second[p] - dot(H, self.x.second[p]) for p in PAIRS}
         q[THIRD] = t.third - dot(H, self.x.third)
         return H, q
 
     def modes(self) -> Modes:
-        """Amplitudes of the displacement, pulled back if the body rotates [m]."""
-        return {k: dot(self.F.T, a) if self.rotating else a for k, a in self.q.items()}
+        """Components of the amplitudes along the moved basis, by mode and axis [m²] or [m]."""
+        return {(k, a): dot(q, b) for k, q in self.q.items() for a, b in enumerate(self.moved)}
 
     def rate(self, v: Any) -> Modes:
-        """Rate of the modes at velocity ``v`` [m/s]."""
-        H, q = self._amplitudes(v)
-        if not self.rotating:
-            return q
-        return {k: dot(H.T, self.q[k]) + dot(self.F.T, q[k]) for k in q}
+        """Rate of the modes at velocity ``v`` [m²/s] or [m/s]."""
+        H, rate = self._amplitudes(v)
+        s = {(k, a): dot(q, b) for k, q in rate.items() for a, b in enumerate(self.moved)}
+        if self.rotating:
+            turned = [dot(H, b) for b in self.basis]
+            for k, a in s:
+                s[k, a] += dot(self.q[k], turned[a])
+        return s
 
     def forces(self, s: Modes) -> Modes:
-        """Forces against modes ``s``, their derivative of the energy, vectors ``(3,)`` [N]."""
+        """Forces against modes ``s``: their derivative of the energy."""
         if self.coefficient is None:
             return physical(s, self.x, self.V, self.material)
         kappa = flanagan_belytschko(self.x, self.V, self.material, self.coefficient)
-        return {k: (kappa / 8 if k == THIRD else kappa / 2) * s[k] for k in s}
+        return {key: kappa / 8 * component for key, component in s.items()}
 
-    def work(self, R: Modes, w: Any) -> Any:
-        """Virtual work of the forces, collected by the derivatives of ``w`` [J/m³].
+    def resistance(self, v: Any = None) -> Modes:
+        """Forces against the modes, and against their rate where the material damps."""
+        s = self.modes()
+        if v is not None:
+            rate = self.rate(v)
+            s = {k: s[k] + self.material.damping * rate[k] for k in s}
+        return self.forces(s)
 
-        ``Σ R · δs`` with ``δs = δHᵀ q + Fᵀ δq`` and ``δq = δf − δH · x``: one coefficient for each
-        derivative keeps the kernel short (three times as fast as the products written out).
+    def work(self, f: Modes, w: Any, P: Any = 0) -> Any:
+        """Virtual work of the forces and of a mean stress, by the derivatives of ``w`` [J/m³].
+
+        ``P : δH V + Σ f δ(q · F b)`` with ``δq = δf − δH x`` and ``δF = δH``. Collected by ``δH``
+        and then by the derivatives of ``w``, that is one coefficient for each of them: half of the
+        operations of the products written out.
         """
         x, t = self.x, taylor(w)
-        p = {k: dot(self.F, R[k]) if self.rotating else R[k] for k in R}
+        p = {k: sum(f[k, a] * self.moved[a] for a in range(3)) for k in self.q}
         behind: Modes = {**x.second, THIRD: x.third}
         M = sum(-outer(p[k], behind[k]) for k in p)
         if self.rotating:
-            M += sum(outer(self.q[k], R[k]) for k in R)
-        M = M / self.V
+            for a, b in enumerate(self.basis):
+                M += outer(sum(f[k, a] * q for k, q in self.q.items()), b)
+        N = P / 64 + M / self.V
         single, double = area_vectors(x)
-        total = sum(dot(dot(M, single[a]), t.first[a]) for a in range(3))
-        total += sum(dot(p[k] + dot(M, double[k]), t.second[k]) for k in PAIRS)
+        total = sum(dot(dot(N, single[a]), t.first[a]) for a in range(3))
+        total += sum(dot(p[k] + dot(N, double[k]), t.second[k]) for k in PAIRS)
         return (total + dot(p[THIRD], t.third)) * self.weight
 
 
 def flanagan_belytschko(x: Taylor, V: Any, material: Any, coefficient: float) -> Any:
     """Return ``κ = coefficient (λ + 2μ) B : B / (3 V)``, a fraction of the cell's stiffness [N/m].
 
-    It acts on the normalised ``γ · u``, which is ``q / √2``, and ``q / √8`` for the third mode.
+    It acts on the normalised ``γ · u``, which is ``q / √2``, and ``q / √8`` for the third mode, or
+    ``q / √8`` for all with the scaled derivatives of :class:`forms.cells.Taylor`.
+
+    Args:
+        x: Derivatives of the coordinates [m].
+        V: 64 volumes of the cell [m³].
+        material: With ``lmbda`` and ``mu`` [Pa].
+        coefficient: That fraction [-].
     """
     single, double = area_vectors(x)
-    BB = sum(dot(a, a) for a in single) / 2 + 2 * sum(dot(a, a) for a in double.values())
-    return coefficient * (material.lmbda + 2 * material.mu) * BB / (3 * V)
+    BB = sum(dot(a, a) for a in [*single, *double.values()]) / 512
+    return coefficient * (material.lmbda + 2 * material.mu) * BB * 64 / (3 * V)
 
 
 def physical(s: Modes, x: Taylor, V: Any, material: Any) -> Modes:
-    """Return the forces against modes by the moduli of the material, vectors ``(3,)`` [N].
+    """Return the forces against modes by the moduli of the material [N/m].
 
     Assumed strains and no parameter (after Belytschko and Bindeman, Comput. Methods Appl. Mech.
     Engng 105, 1993, 225–260). With edges h, components of the modes along them, and means over the
@@ -186,30 +210,26 @@ def physical(s: Modes, x: Taylor, V: Any, material: Any) -> Modes:
     - third mode, strains ``ε_a = s_012,a / h_a`` that vary along b and c: ``E ε_a² / 144``.
 
     Args:
-        s: Modes, vectors ``(3,)`` [m].
+        s: Components of the modes along the vectors of the edges, by mode and axis: those along
+            the edges times h, scaled as in :class:`forms.cells.Taylor` [m²].
         x: Derivatives of the coordinates [m].
-        V: Volume of the cell [m³].
+        V: 64 volumes of the cell [m³].
         material: With ``E``, ``nu`` and ``mu`` [Pa].
     """
-    per_length = [1 / sqrt(dot(e, e)) for e in x.first]
-    edge = [e * k for e, k in zip(x.first, per_length, strict=True)]
-    along = {(k, a): dot(edge[a], m) for k, m in s.items() for a in range(3)}
-    force: dict[Any, Any] = {}
-
-    def add(key: tuple[int, ...], a: int, stress: Any, over: int) -> None:
-        force[key, a] = force.get((key, a), 0) + stress * per_length[over]
-
-    plate = V * material.E / (1 - material.nu**2) / 12
+    r = [1 / dot(e, e) for e in x.first]  # 1 / h²: no root is needed
+    # Of the scales 2 × 4 of the modes and 4² of 1 / r, (16 / 8)² is left, and (16 / 4)² in THIRD.
+    plate = V * (material.E / (1 - material.nu**2) / 12 * 4 / 64)
+    f: Modes = {}
     for b, (a, c) in OTHERS.items():
         ab, bc = pair(a, b), pair(b, c)
-        strain_a, strain_c = along[ab, a] * per_length[a], along[bc, c] * per_length[c]
-        add(ab, a, plate * (strain_a + material.nu * strain_c), a)
-        add(bc, c, plate * (strain_c + material.nu * strain_a), c)
-        shear = along[bc, a] * per_length[c] + along[ab, c] * per_length[a]
-        add(bc, a, V * material.mu / 12 * shear, c)
-        add(ab, c, V * material.mu / 12 * shear, a)
-        add(THIRD, b, V * material.E / 144 * along[THIRD, b] * per_length[b], b)
-    return {k: sum(force[k, a] * edge[a] for a in range(3)) for k in s}
+        strain_a, strain_c = s[ab, a] * r[a], s[bc, c] * r[c]
+        f[ab, a] = plate * (strain_a + material.nu * strain_c) * r[a]
+        f[bc, c] = plate * (strain_c + material.nu * strain_a) * r[c]
+        shear = V * (material.mu / 12 * 4 / 64) * (s[bc, a] + s[ab, c]) * (r[a] * r[c])
+        for key in ((bc, a), (ab, c)):
+            f[key] = f[key] + shear if key in f else shear
+        f[THIRD, b] = V * (material.E / 144 * 256 / 16 / 64) * s[THIRD, b] * r[b] ** 2
+    return f
 
 
 def pair(a: int, b: int) -> tuple[int, int]:

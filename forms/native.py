@@ -3,6 +3,7 @@
 
 import hashlib
 import os
+import re
 import shlex
 import subprocess
 import sysconfig
@@ -16,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, jit
 
-from forms.batches import batches, integral_cells
+from forms.batches import batches, integral_cells, last_to_the_end
+from forms.cache import compiling
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
@@ -36,11 +38,13 @@ class Host:
     Attributes:
         vector_bytes: Width of the widest vector registers [byte].
         gcc: Whether the compiler is GCC rather than Clang.
+        tune: CPU whose timings the compiler is told to assume, or none.
         key: Hash of compiler, CPU and the code generator.
     """
 
     vector_bytes: int
     gcc: bool
+    tune: str
     key: str
 
     def flags(self, stored: str) -> list[str]:
@@ -48,9 +52,10 @@ class Host:
         defines = {
             "VECTOR_BYTES": self.vector_bytes,
             "STORED": CTYPES[stored],
+            "STORED_BYTES": np.dtype(stored).itemsize,
             "SQUEALX_HOST": f"0x{self.key}",  # read by nobody: FFCx's cache goes by the arguments
         }
-        flags = [*FLAGS, *GCC_FLAGS] if self.gcc else [*FLAGS]
+        flags = [*FLAGS, *(GCC_FLAGS if self.gcc else ()), *([self.tune] if self.tune else [])]
         return [*flags, *(f"-D{name}={value}" for name, value in defines.items())]
 
 
@@ -64,7 +69,12 @@ def this_host() -> Host:
     width = next((w for m, w in widths.items() if f"#define {m} " in macros), 16)
     sources = sorted((Path(__file__).parent / "simd").glob("*.py"))
     state = macros.encode() + b"".join(path.read_bytes() for path in sources)
-    return Host(width, "__clang__" not in macros, hashlib.sha256(state).hexdigest()[:16])
+    gcc = "__clang__" not in macros
+    # A GCC that is older than the CPU assumes one without these registers: 5 % slower.
+    older = gcc and width == 64 and re.search("__tune_znver[123]__|__tune_haswell__", macros)
+    generic = gcc and width == 64 and "__tune_" not in macros
+    tune = "-mtune=skylake-avx512" if older or generic else ""
+    return Host(width, gcc, tune, hashlib.sha256(state).hexdigest()[:16])
 
 
 class NativeKernel:
@@ -79,6 +89,8 @@ class NativeKernel:
     Args:
         form: Sum of cell integrals with any tags and quadrature degrees.
         dtype: Type that is computed with, float64 or float32; arrays keep the type of the mesh.
+            float32 takes coordinates, and coefficients of which the form has only derivatives,
+            less their values at the first node of the cell, subtracted in the type of the mesh.
 
     Raises:
         Unsupported: if the form is not rank 1, has other than cell integrals, or other cells than
@@ -91,19 +103,22 @@ class NativeKernel:
         msh = form.ufl_domain().ufl_cargo()
         host = msh.comm.bcast(this_host() if msh.comm.rank == 0 else None, root=0)
         self._stored = np.dtype(msh.geometry.x.dtype)
-        compiled, self._module, _ = jit.ffcx_jit(
-            msh.comm,
-            form,
-            form_compiler_options={"scalar_type": np.dtype(dtype).name, "language": "forms.simd"},
-            jit_options={
-                "cffi_extra_compile_args": host.flags(self._stored.name),
-                "cffi_libraries": ["m"],
-                "timeout": TIMEOUT,
-            },
-        )
+        options = {"scalar_type": np.dtype(dtype).name, "language": "forms.simd"}
+        arguments = {
+            "cffi_extra_compile_args": host.flags(self._stored.name),
+            "cffi_libraries": ["m"],
+            "timeout": TIMEOUT,
+        }
+        with compiling(msh.comm, form, f"{options}{arguments}", TIMEOUT) as folder:
+            compiled, self._module, _ = jit.ffcx_jit(
+                msh.comm,
+                form,
+                form_compiler_options=options,
+                jit_options={**arguments, "cache_dir": folder},
+            )
         (argument,) = form.arguments()
         V = argument.ufl_function_space()
-        self._size = V.dofmap.bs * (V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts)
+        self._size = V.dofmap.bs * _length(V)
         self._values = [f.x.array for f in self.coefficients]
         self._real = f"{CTYPES[np.dtype(dtype).name]} *"
         lanes = host.vector_bytes // np.dtype(dtype).itemsize
@@ -166,14 +181,23 @@ class NativeKernel:
         (argument,) = form.arguments()
         spaces = [argument.ufl_function_space()]
         spaces += [self.coefficients[k].function_space for k in order]
-        dofs = batches([geometry.dofmaps[0], *(V.dofmap.list for V in spaces)], cells, lanes)
+        dofmaps = [geometry.dofmaps[0], *(V.dofmap.list for V in spaces)]
+        sizes = [3, *(V.dofmap.bs for V in spaces)]
+        lengths = [len(geometry.x), *(_length(V) for V in spaces)]
+        cells, wide = last_to_the_end(list(zip(dofmaps, lengths, strict=True)), cells, lanes)
+        dofs = batches(list(zip(dofmaps, sizes, strict=True)), cells, lanes)
         arrays = [geometry.x, dofs[0], dofs[1]]
         for k, own in zip(order, dofs[2:], strict=True):
             arrays += [self._values[k], own]
         arrays += [constant.value for constant in form.constants()]
-        data = np.array([len(cells), *(a.ctypes.data for a in arrays)], dtype=np.int64)
+        data = np.array([len(cells), wide, *(a.ctypes.data for a in arrays)], dtype=np.int64)
         self._keep += [*arrays, data]
         return self._module.ffi.cast("void *", data.ctypes.data)
+
+
+def _length(V: Any) -> int:
+    """Return the number of dofs, each of block size, in an array of this rank."""
+    return int(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts)
 
 
 def check(form: Any, dtype: np.dtype[Any]) -> None:

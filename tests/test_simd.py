@@ -15,9 +15,9 @@ from dolfinx import fem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forms.batches import batches, by_lane, integral_cells
+from forms.batches import batches, by_lane, integral_cells, last_to_the_end
 from forms.simd import Formatter
-from forms.simd.tensor import evaluate, factorise, scatter
+from forms.simd.tensor import evaluate, factorise, scatter, scatter_together
 
 X, Y = (L.Symbol(name, L.DataType.SCALAR) for name in "xy")
 C = L.Symbol("c", L.DataType.SCALAR)
@@ -81,6 +81,21 @@ def test_tables_of_hexahedra_are_products(degree, derivative):
     np.testing.assert_allclose(back, 3 * table.T @ values, atol=1e-12)
 
 
+def test_tables_of_one_point_scatter_together():
+    """Seven derivatives of eight basis functions: the sum of what each gives alone."""
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.hexahedron, 1, basix.LagrangeVariant.gll_warped
+    )
+    seen = element.tabulate(3, np.array([[0.5, 0.5, 0.5]]))[:, :, :, 0]
+    orders = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 1, 1)]
+    rows = [seen[basix.index(*order)] for order in orders]
+    products = [factorise(row) for row in rows]
+    values = np.random.default_rng(0).random(7)
+    literals = [L.LiteralFloat(float(v)) for v in values]
+    found = numbers(scatter_together(products, literals, fold))
+    np.testing.assert_allclose(found, values @ np.concatenate(rows), atol=1e-14)
+
+
 def fold(node):
     """The literal that an expression of literals is equal to."""
     if isinstance(node, L.LiteralFloat):
@@ -109,13 +124,26 @@ def test_batches_hold_every_cell_once_and_repeat_the_last(n, lanes):
     """Lane l of batch b is cell b * lanes + l; dofmaps with the same numbers share memory."""
     dofmap = np.random.default_rng(n).integers(0, 99, (50, 8)).astype(np.int32)
     cells = np.random.default_rng(n).permutation(50)[:n].astype(np.int32)
-    first, same = batches([dofmap, dofmap.copy()], cells, lanes)
+    first, same, threes = batches([(dofmap, 1), (dofmap.copy(), 1), (dofmap, 3)], cells, lanes)
     assert first is same
+    np.testing.assert_array_equal(threes, 3 * first)
     assert first.shape == (-(-n // lanes), 8, lanes)
     flat = first.transpose(0, 2, 1).reshape(-1, 8)
     np.testing.assert_array_equal(flat[:n], dofmap[cells])
     np.testing.assert_array_equal(flat[n:], np.repeat(flat[n - 1 : n], len(flat) - n, axis=0))
     np.testing.assert_array_equal(by_lane(dofmap, cells, lanes), first)
+
+
+@pytest.mark.parametrize("lanes", [4, 8])
+def test_wide_batches_have_no_last_dof(lanes):
+    """All cells are kept; the batches counted hold neither dof 98 of the first nor 48 of the other."""
+    random = np.random.default_rng(lanes)
+    one, two = (random.integers(0, n, (50, 8)).astype(np.int32) for n in (99, 49))
+    given = np.arange(50, dtype=np.int32)
+    cells, wide = last_to_the_end([(one, 99), (two, 49)], given, lanes)
+    np.testing.assert_array_equal(np.sort(cells), given)
+    has = (one[cells] == 98).any(axis=1) | (two[cells] == 48).any(axis=1)
+    assert not has[: wide * lanes].any() and 0 < wide == (~has).sum() // lanes < 50 // lanes
 
 
 def test_cells_of_integrals_are_those_of_dolfinx():

@@ -6,6 +6,8 @@ FFCx sums over dofs at each quadrature point. Where a table is a product of one-
 all points takes a quarter of the operations. Other tables are left to FFCx.
 """
 
+from functools import reduce
+from operator import mul
 from typing import Any
 
 import ffcx.codegeneration.lnodes as L
@@ -13,8 +15,10 @@ import numpy as np
 from ffcx.codegeneration.definitions import FFCXBackendDefinitions
 from ffcx.codegeneration.integral_generator import IntegralGenerator
 from ffcx.ir.elementtables import piecewise_ttypes
+from ufl.classes import Division
+from ufl.classes import Product as UflProduct
 
-from forms.simd.tensor import Product, evaluate, factorise, scatter
+from forms.simd.tensor import Product, evaluate, factorise, scatter, scatter_together
 
 LARGEST = 4**3  # points or dofs whose sums are written out
 
@@ -133,7 +137,10 @@ class Generator(IntegralGenerator):
             intermediates += variable
             groups.setdefault(key, [product]).append(factor)
         weight = _common_weight(quadrature_rule)
-        statements = [self._collect(key, weight, *group) for key, group in groups.items()]
+        if weight is not None and len(quadrature_rule.weights) == 1:
+            statements = self._single(weight, groups)
+        else:
+            statements = [self._collect(key, weight, *group) for key, group in groups.items()]
         symbols = [i.symbol for i in intermediates]
         A = self.backend.symbols.element_tensor
         return [L.Section("Collect", statements, [], symbols, [A])], intermediates
@@ -142,12 +149,35 @@ class Generator(IntegralGenerator):
         """Return what multiplies the test function at a point, and a variable for it if new."""
         index = block.factor_indices_comp_indices[0][0]
         nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
-        f = self.get_var(rule, domain, nodes[index]["expression"])
+        f = self._without_jacobian(rule, domain, nodes[index]["expression"])
         if _common_weight(rule) is None:
             symbols = self.backend.symbols
             f = f * symbols.weights_table(rule)[symbols.quadrature_loop_index]
         symbol, known = self.get_temp_symbol("fw", (rule, index, block.all_factors_piecewise))
         return symbol, [] if known else [L.VariableDecl(symbol, f)]
+
+    def _without_jacobian(self, rule: Any, domain: Any, expression: Any) -> Any:
+        """Return the code of an expression; a factor and its own inverse are left out."""
+        above, below = _factors(expression)
+        common = [f for f in below if f in above]
+        parts = [self.get_var(rule, domain, f) for f in above if f not in common]
+        if not common or len(common) < len(below) or len(set(above)) < len(above) or None in parts:
+            return self.get_var(rule, domain, expression)
+        return reduce(mul, parts, L.LiteralFloat(1.0))
+
+    def _single(self, weight: float, groups: dict[tuple[Any, ...], list[Any]]) -> list[Any]:
+        """Add all that a single point has to ``A``, all tables of a component together."""
+        A, plan = self.backend.symbols.element_tensor, self.backend.definitions.plan
+        components: dict[tuple[int, int], list[list[Any]]] = {}
+        for (_, block, offset), group in groups.items():
+            components.setdefault((block, offset), []).append(group)
+        statements: list[Any] = []
+        for (block, offset), found in components.items():
+            tables = [group[0].scaled(weight) for group in found]
+            values = [sum(group[2:], start=group[1]) for group in found]
+            for i, value in enumerate(scatter_together(tables, values, plan.store(statements))):
+                statements.append(L.AssignAdd(A[block * i + offset], value))
+        return statements
 
     def _collect(
         self, key: tuple[Any, ...], weight: float | None, product: Product, *factors: Any
@@ -167,6 +197,16 @@ class Generator(IntegralGenerator):
         plan.after.append(L.Section("Element vector", statements, [], [total], [A]))
         row = plan.row(product, self.backend.symbols.quadrature_loop_index)
         return L.AssignAdd(total[row], sum(factors[1:], start=factors[0]))
+
+
+def _factors(expression: Any) -> tuple[list[Any], list[Any]]:
+    """Return numerators and denominators of a UFL product."""
+    if isinstance(expression, UflProduct):
+        parts = [_factors(operand) for operand in expression.ufl_operands]
+        return [f for above, _ in parts for f in above], [f for _, below in parts for f in below]
+    if isinstance(expression, Division) and expression.ufl_operands[0] == 1:
+        return [], [expression.ufl_operands[1]]
+    return [expression], []
 
 
 def _common_weight(rule: Any) -> float | None:

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What stands at the head of the generated C file: lane types, lane functions, gather, scatter."""
 
-from collections.abc import Iterable
 from typing import Any
 
 from ffcx.codegeneration.C import file as scalar_file
 from ffcx.codegeneration.C.formatter import math_table
 from ffcx.codegeneration.utils import dtype_to_c_type
 
+from forms.simd import nodes
+
 suffixes = scalar_file.suffixes
 
-# VECTOR_BYTES and STORED (type of the arrays in memory) come from the command line, see
-# forms/native.py. Padding lanes repeat a cell, so that they compute nothing unusual.
+# VECTOR_BYTES, STORED (type of the arrays in memory) and STORED_BYTES come from the command line,
+# see forms/native.py. Padding lanes repeat a cell, so that they compute nothing unusual.
 LANES = """
 typedef {real} real;
 typedef STORED stored;
@@ -37,36 +38,18 @@ static inline vec lanes_powi(vec x, int n)
 
 """
 
-# Three components of a node are a pair and one more: two loads for three numbers of a lane, where
-# the compiler shuffles vectors (GCC from 12, Clang).
-VECTORS = """
-typedef stored pair __attribute__((vector_size(2 * sizeof(stored)), may_alias,
-                                   aligned(sizeof(stored))));
-typedef stored many __attribute__((vector_size(LANES * sizeof(stored))));
-#define SHUFFLE __builtin_shufflevector
-#define P(l) (*(const pair *)(from + 3 * dofs[l]))
-static inline void gather3(vec *restrict to, const stored *restrict from,
-                           const int32_t *restrict dofs)
-{{
-  const __auto_type low = {low};
-  const __auto_type high = {high};
-  const many z = {{ {thirds} }};
-  to[0] = __builtin_convertvector(SHUFFLE(low, high, {even}), vec);
-  to[1] = __builtin_convertvector(SHUFFLE(low, high, {odd}), vec);
-  to[2] = __builtin_convertvector(z, vec);
-}}
-"""
-
 LOOPS = """
-/* to[k * bs + i] = from[bs * dofs[k] + i] for the n dofs of every lane */
+/* to[k * bs + i] = from[dofs[k] + i] for n dofs of every lane; less the first one if relative */
 static inline void gather(vec *restrict to, const stored *restrict from,
-                          const int32_t *restrict dofs, int n, int bs)
+                          const uint32_t *restrict dofs, int n, int bs, int wide, int relative)
 {
 #ifdef SHUFFLE
   if (bs == 3)
   {
-    for (int k = 0; k < n; ++k)
-      gather3(to + 3 * k, from, dofs + k * LANES);
+    if (relative)
+      (wide ? gather_wide_relative : gather_narrow_relative)(to, from, dofs, n);
+    else
+      (wide ? gather_wide : gather_narrow)(to, from, dofs, n);
     return;
   }
 #endif
@@ -76,19 +59,26 @@ static inline void gather(vec *restrict to, const stored *restrict from,
       vec v;
 #pragma GCC unroll 16
       for (int l = 0; l < LANES; ++l)
-        v[l] = from[bs * dofs[k * LANES + l] + i];
+        v[l] = from[dofs[k * LANES + l] + i] - (relative ? from[dofs[l] + i] : 0);
       to[k * bs + i] = v;
     }
 }
 
-/* to[bs * dofs[k] + i] += from[k * bs + i] for the n dofs of the first lanes: cells share nodes */
+/* to[dofs[k] + i] += from[k * bs + i] for the n dofs of the first lanes: cells share nodes */
 static inline void scatter(stored *restrict to, const vec *restrict from,
-                           const int32_t *restrict dofs, int n, int bs, int lanes)
+                           const uint32_t *restrict dofs, int n, int bs, int lanes)
 {
+#ifdef SHUFFLE
+  if (bs == 3 && lanes == LANES)
+  {
+    scatter3(to, from, dofs, n);
+    return;
+  }
+#endif
   for (int l = 0; l < lanes; ++l)
     for (int k = 0; k < n; ++k)
       for (int i = 0; i < bs; ++i)
-        to[bs * dofs[k * LANES + l] + i] += from[k * bs + i][l];
+        to[dofs[k * LANES + l] + i] += from[k * bs + i][l];
 }
 """
 
@@ -148,35 +138,9 @@ def generator(options: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]
     real = dtype_to_c_type(options["scalar_type"])
     bits = 64 if real == "double" else 32
     source += LANES.format(real=real, bits=bits)
-    for number, width in enumerate((16, 32, 64)):
-        source += f"\n#{'elif' if number else 'if'} VECTOR_BYTES == {width} && CAN_SHUFFLE"
-        source += VECTORS.format(**_shuffles(8 * width // bits))
-    source += "#endif\n" + LOOPS
+    source += nodes.text(bits // 8) + LOOPS
     functions = math_table["float64" if real == "double" else "float32"]
     source += VECTOR_MATH.format(**functions)
     for name, function in {**functions, "atan2": functions["atan_2"]}.items():
         source += TEMPLATES.get(name, UNARY).format(name=name, function=function)
     return (header, source), post
-
-
-def _shuffles(lanes: int) -> dict[str, str]:
-    """Return the pieces of ``VECTORS`` for a number of lanes."""
-
-    def joined(first: int, count: int) -> str:
-        if count == 1:
-            return f"P({first})"
-        halves = (joined(first, count // 2), joined(first + count // 2, count // 2))
-        return f"SHUFFLE({', '.join(halves)}, {_numbers(range(2 * count))})"
-
-    half = lanes // 2
-    return {
-        "low": joined(0, half),
-        "high": joined(half, half),
-        "even": _numbers(range(0, 2 * lanes, 2)),
-        "odd": _numbers(range(1, 2 * lanes, 2)),
-        "thirds": ", ".join(f"from[3 * dofs[{lane}] + 2]" for lane in range(lanes)),
-    }
-
-
-def _numbers(numbers: Iterable[int]) -> str:
-    return ", ".join(map(str, numbers))

@@ -8,14 +8,16 @@ import numpy as np
 from ffcx.codegeneration.backend import FFCXBackend
 from ffcx.codegeneration.C import integral_template
 from ffcx.ir.representation import IntegralIR
-from ufl import Argument
+from ufl import Argument, Coefficient, Jacobian
+from ufl.classes import GeometricQuantity
 
 from forms.simd.contraction import Definitions, Generator
 from forms.simd.formatter import Formatter
 
 # The loop takes its addresses as ``custom_data``, an array of 64-bit integers in this order:
-# number of cells, coordinates, their dofs, dofs of the test function, then values and dofs of each
-# coefficient, then the values of each constant. All dofs are int32 ``[batch][dof][lane]``.
+# number of cells, number of batches with wide loads (forms/simd/nodes.py), coordinates, their dofs,
+# dofs of the test function, then values and dofs of each coefficient, then the values of each
+# constant. Dofs are numbers of first entries, uint32 ``[batch][dof][lane]``.
 LOOP = """
 static inline void cell_{name}(vec *restrict A, const vec *restrict w, const real *restrict c,
                                const vec *restrict coordinate_dofs)
@@ -30,7 +32,7 @@ static void tabulate_tensor_{name}(real *restrict values, const real *restrict w
 {{
   const int64_t *data = custom_data;
   const int64_t batches = (data[0] + LANES - 1) / LANES;
-  const stored *x = (const stored *)data[1];
+  const stored *x = (const stored *)data[2];
   stored *out = (stored *)values;
   real c[{constants} + 1];
   for (int i = 0, j = 0; i < {constant_count}; ++i)
@@ -38,14 +40,15 @@ static void tabulate_tensor_{name}(real *restrict values, const real *restrict w
       c[j++] = ((const stored *)data[{first_constant} + i])[k];
   for (int64_t b = 0; b < batches; ++b)
   {{
+    const int wide = b < data[1];
     vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{size}];
-    gather(coordinate_dofs, x, (const int32_t *)data[2] + b * {coordinates} / 3 * LANES,
-           {coordinates} / 3, 3);
+    gather(coordinate_dofs, x, (const uint32_t *)data[3] + b * {coordinates} / 3 * LANES,
+           {coordinates} / 3, 3, wide, {relative});
 {gathers}
     for (int i = 0; i < {size}; ++i)
       A[i] = splat(0);
     cell_{name}(A, w, c, coordinate_dofs);
-    const int32_t *rows = (const int32_t *)data[3] + b * {size} / {block} * LANES;
+    const uint32_t *rows = (const uint32_t *)data[4] + b * {size} / {block} * LANES;
     if (b + 1 < batches)
       scatter(out, A, rows, {size} / {block}, {block}, LANES);
     else
@@ -65,9 +68,10 @@ ufcx_integral {name} =
 """
 
 GATHER = """    gather(w + {offset}, (const stored *)data[{data}],
-           (const int32_t *)data[{data} + 1] + b * {count} * LANES, {count}, {block});"""
+           (const uint32_t *)data[{data} + 1] + b * {count} * LANES, {count}, {block}, wide,
+           {relative});"""
 
-FIRST_COEFFICIENT = 4  # position of the first coefficient among the addresses
+FIRST_COEFFICIENT = 5  # position of the first coefficient among the addresses
 
 
 def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -> tuple[str, str]:
@@ -84,6 +88,7 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
     backend.definitions = Definitions(backend, options)
     kernel = Formatter(options["scalar_type"])(Generator(ir, backend).generate(domain))
     constants = expression.original_constant_offsets
+    shifts = differences(ir) if np.dtype(options["scalar_type"]) == np.float32 else set()
     sizes = [int(np.prod(k.ufl_shape, dtype=int)) for k in constants]
     implementation = LOOP.format(
         name=name,
@@ -96,7 +101,8 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
         coefficients=sum(k.ufl_element().dim for k in expression.coefficient_offsets),
         size=expression.tensor_shape[0],
         block=_argument_block(ir),
-        gathers=_gathers(ir),
+        relative=int(None in shifts),
+        gathers=_gathers(ir, shifts),
         enabled=f"enabled_{name}" if ir.enabled_coefficients else "NULL",
         enabled_init=_enabled(ir, name),
         dtype=np.dtype(options["scalar_type"]).name,
@@ -106,7 +112,27 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
     return integral_template.declaration.format(factory_name=name), implementation
 
 
-def _gathers(ir: IntegralIR) -> str:
+def differences(ir: IntegralIR) -> set[Any]:
+    """Return the coefficients of which only derivatives are used; None stands for the coordinates.
+
+    A cell may then take them less the value at its first node: the basis functions of Lagrange
+    elements add up to one. In single precision that keeps the digits of what differs in the cell.
+    """
+    used: dict[Any, bool] = {}  # whether all uses are derivatives
+    for integrand in ir.expression.integrand.values():
+        for attributes in integrand["factorization"].nodes.values():
+            mt = attributes.get("mt")
+            terminal = getattr(mt, "terminal", None)
+            if isinstance(terminal, Coefficient):
+                lagrange = terminal.ufl_element().element_family == basix.ElementFamily.P
+                derived = bool(mt.local_derivatives) and lagrange
+                used[terminal] = used.get(terminal, True) and derived
+            elif isinstance(terminal, GeometricQuantity):
+                used[None] = used.get(None, True) and isinstance(terminal, Jacobian)
+    return {key for key, derived in used.items() if derived}
+
+
+def _gathers(ir: IntegralIR, shifts: set[Any]) -> str:
     """Return the calls that gather the coefficients which the integral uses."""
     numbers = ir.expression.coefficient_numbering
     return "\n".join(
@@ -115,6 +141,7 @@ def _gathers(ir: IntegralIR) -> str:
             data=FIRST_COEFFICIENT + 2 * numbers[k],
             count=k.ufl_element().dim // k.ufl_element().block_size,
             block=k.ufl_element().block_size,
+            relative=int(k in shifts),
         )
         for k, offset in ir.expression.coefficient_offsets.items()
         if ir.enabled_coefficients[numbers[k]]

@@ -86,15 +86,57 @@ def _distinct(factors: list[Array], order: tuple[int, ...], scale: float) -> Pro
 def evaluate(product: Product, dofs: Sequence[Any], store: Store) -> list[Any]:
     """Return the distinct values ``Σ_d T[q, d] dofs[d]``, one factor after the other.
 
+    Where there is a single point, the factors are sums and differences that tables have in common:
+    their sizes and signs are left to the end.
+
     Args:
         product: The table.
         dofs: Expressions of the ``m³`` dofs.
         store: Called with each partial sum; returns what stands for it.
     """
     values = _cube(dofs).transpose(product.order)
-    for axis in _by_rows(product.factors):
-        values = _apply(product.factors[axis], values, axis, store)
-    return list(values.ravel())
+    factors, scale = _signs(product) if product.rows == 1 else (product.factors, 1.0)
+    for axis in _by_rows(factors):
+        values = _apply(factors[axis], values, axis, store)
+    return [store(L.LiteralFloat(scale) * value) for value in values.ravel()]
+
+
+def _signs(product: Product) -> tuple[list[Array], float]:
+    """Return the factors of a single row divided by their first entries, and what is left over."""
+    first = [float(f[0, np.argmax(np.abs(f[0]) > ROUND_OFF)]) for f in product.factors]
+    factors = [f / size for f, size in zip(product.factors, first, strict=True)]
+    rounded = [np.where(np.abs(np.abs(f) - 1) < 1e-12, np.sign(f), f) for f in factors]
+    scale = float(np.prod(first))
+    return rounded, round(scale, 12) if abs(scale - round(scale, 12)) < 1e-14 else scale
+
+
+def scatter_together(products: Sequence[Product], values: Sequence[Any], store: Store) -> list[Any]:
+    """Return ``Σ_t T_t[0, d] values[t]`` for each dof d, for tables t of a single point.
+
+    The transpose of :func:`evaluate` for all tables at once: 24 sums instead of 56.
+
+    Args:
+        products: Tables with one row.
+        values: An expression for each.
+        store: Called with each partial sum; returns what stands for it.
+    """
+    terms: dict[
+        Any, Any
+    ] = {}  # by the rows of axes that are not yet dofs and dofs of those that are
+    for product, value in zip(products, values, strict=True):
+        factors, scale = _signs(product)
+        key = tuple(tuple(factors[i][0]) for i in np.argsort(product.order))
+        scaled = store(L.LiteralFloat(scale) * value)
+        terms[key] = terms[key] + scaled if key in terms else scaled
+    for axis in range(3):
+        sums: dict[Any, Any] = {}
+        for key, value in terms.items():
+            for dof, entry in enumerate(key[axis]):
+                to = (*key[:axis], dof, *key[axis + 1 :])
+                term = L.LiteralFloat(float(entry)) * value
+                sums[to] = sums[to] + term if to in sums else term
+        terms = {key: store(value) for key, value in sums.items()}
+    return [terms[key] for key in sorted(terms)]
 
 
 def scatter(product: Product, values: Sequence[Any], store: Store) -> list[Any]:
