@@ -38,11 +38,23 @@ def compiling(comm: Any, form: Any, key: str, timeout: float) -> Iterator[Path]:
     if comm.rank > 0:
         yield folder
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / LOCK).open("a") as lock:
+    lock = _file(folder)
+    if lock is None:
+        yield folder
+        return
+    with lock:  # closing the file gives the lock back
         if _locked(lock, timeout):
             sweep(folder)
-        yield folder  # closing the file gives the lock back
+        yield folder
+
+
+def _file(folder: Path) -> Any:
+    """Return the open lock file, or None: FFCx will say on all ranks what is wrong with a folder."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return (folder / LOCK).open("a")
+    except OSError:
+        return None
 
 
 def _locked(lock: Any, timeout: float) -> bool:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from forms.native import NativeKernel, Unsupported
+from forms.cache import compiling
+from forms.native import TIMEOUT, NativeKernel, Unsupported
 
 Array = npt.NDArray[np.float64]
 
@@ -22,13 +23,20 @@ JIT_OPTIONS = {
 }
 
 
+def compiled(form: Any) -> Any:
+    """Return a form that DOLFINx assembles, compiled with host flags; collective."""
+    with compiling(form.ufl_domain().ufl_cargo().comm, form, str(JIT_OPTIONS), TIMEOUT) as folder:
+        options = {**JIT_OPTIONS, "cache_dir": folder, "timeout": TIMEOUT}
+        return fem.form(form, jit_options=options)
+
+
 class CellKernel:
     """A rank-1 UFL form over hexahedra, compiled with host flags and applied in place.
 
     ``CellKernel(form).add(out)`` adds the form evaluated with its own coefficients;
     ``add(u, v, out)`` first takes the given values in the order of ``form.coefficients()``.
     The engine computes several cells at once; what it does not cover is assembled by DOLFINx, and
-    the log (logger ``squealx``) says why.
+    the log (logger ``squealx``) and ``engine.reason`` say why.
 
     Args:
         form: Sum of cell integrals, linear in one test function.
@@ -53,7 +61,7 @@ class CellKernel:
             self.engine = NativeKernel(form, precision)
         except Unsupported as reason:
             logging.getLogger("squealx").info("assembled by DOLFINx: %s", reason)
-            self.engine = AssembledKernel(form)
+            self.engine = AssembledKernel(form, str(reason))
 
     def add(self, *arguments: Any) -> None:
         """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.
@@ -68,11 +76,16 @@ class CellKernel:
 
 
 class AssembledKernel:
-    """The same by DOLFINx assembly, cell after cell, for any form that DOLFINx takes."""
+    """The same by DOLFINx assembly, cell after cell, for any form that DOLFINx takes.
 
-    def __init__(self, form: Any) -> None:
+    Attributes:
+        reason: Why the form is not computed by :class:`forms.native.NativeKernel`.
+    """
+
+    def __init__(self, form: Any, reason: str | None = None) -> None:
+        self.reason = reason
         self.coefficients = form.coefficients()
-        self.compiled = fem.form(form, jit_options=JIT_OPTIONS)
+        self.compiled = compiled(form)
         self.constants: Any = fem.pack_constants(self.compiled)
 
     def add(self, *arguments: Any) -> None:

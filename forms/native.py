@@ -91,11 +91,17 @@ class NativeKernel:
         dtype: Type that is computed with, float64 or float32; arrays keep the type of the mesh.
             float32 takes coordinates, and coefficients of which the form has only derivatives,
             less their values at the first node of the cell, subtracted in the type of the mesh.
+            Cells of 1 mm with strains of 1e-4, also 5 m from the origin and displaced by 0.2 m:
+            error 2e-7 of the largest entry (3e-4 and 1e-1 if the values themselves were rounded).
+            A rotation is part of the gradient, whose round-off of 1e-7 then is an error of strain:
+            1e-3 of that largest entry at 1.2 rad.
 
     Raises:
         Unsupported: if the form is not rank 1, has other than cell integrals, or other cells than
             hexahedra, or a space whose dofs depend on the orientation of the cell.
     """
+
+    reason: str | None = None  # as AssembledKernel has it: nothing was refused
 
     def __init__(self, form: Any, dtype: npt.DTypeLike = np.float64) -> None:
         check(form, np.dtype(dtype))

@@ -38,7 +38,9 @@ from ufl import (
     tr,
 )
 
+from forms.cells import one_point as one_point_measure
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
+from forms.hourglass import one_point_residual
 from forms.native import NativeKernel, Unsupported, this_host
 from meshes import blocks
 from meshes.domain import Domain, distribute
@@ -180,6 +182,32 @@ def test_single_precision_agrees_to_its_own_round_off(form):
     """The arrays stay in double precision; the error is that of the arithmetic."""
     domain, tags = box((3, 3, 3))
     assert 1e-9 < difference(form(domain, tags, 3), np.float32) < 1e-5
+
+
+@pytest.mark.parametrize("form", [st_venant_kirchhoff, one_point_residual(st_venant_kirchhoff)])
+def test_single_precision_far_from_the_origin_and_displaced(form):
+    """Cells of 1 mm, 5 m away, moved by 0.2 m: strains of 1e-4 as near the origin, 1e-6.
+
+    Absolute positions and displacements in single precision would be off by 1e-1.
+    """
+    cube = blocks.block((0, 0, 0), (6e-3,) * 3, cells=(6, 6, 6))
+    domain = distribute(blocks.distorted(cube, amplitude=0.3, seed=1), COMM)
+    u, w = fem.Function(domain.V), TestFunction(domain.V)
+    k = 600 * np.random.default_rng(1).uniform(-1, 1, (3, 3))
+    u.interpolate(lambda x: np.array([[0.2], [-0.1], [0.06]]) + 2e-7 * np.sin(k @ x))
+    domain.msh.geometry.x[:] += np.array([5.0, 3.5, -2.0])
+    full_points = form is st_venant_kirchhoff
+    dx = full(domain.msh) if full_points else one_point_measure(full(domain.msh))
+    assert 1e-9 < difference(form(u, w, STEEL) * dx, np.float32) < 1e-6
+
+
+def test_single_precision_keeps_values_that_are_used_themselves():
+    """A form of u, ∇p, x: u and x stay what they are; near the origin all are right to 1e-6."""
+    domain, _ = box((3, 3, 3))
+    u, p = field(domain, VECTOR, 1, offset=2.0), field(domain, P1, 2, offset=30.0)
+    w, x = TestFunction(domain.V), SpatialCoordinate(domain.msh)
+    form = (inner(u + x, w) + dot(grad(p), w) + inner(grad(u), grad(w))) * full(domain.msh)
+    assert 1e-9 < difference(form, np.float32) < 1e-6
 
 
 @pytest.mark.parametrize("width", [16, 32, 64])

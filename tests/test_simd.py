@@ -136,7 +136,7 @@ def test_batches_hold_every_cell_once_and_repeat_the_last(n, lanes):
 
 @pytest.mark.parametrize("lanes", [4, 8])
 def test_wide_batches_have_no_last_dof(lanes):
-    """All cells are kept; the batches counted hold neither dof 98 of the first nor 48 of the other."""
+    """All cells are kept; the batches counted hold neither dof 98 of one nor 48 of the other."""
     random = np.random.default_rng(lanes)
     one, two = (random.integers(0, n, (50, 8)).astype(np.int32) for n in (99, 49))
     given = np.arange(50, dtype=np.int32)
