@@ -19,12 +19,17 @@ from workflow.stepping import central_difference
 LENGTH, C = 0.1, np.sqrt(210e9 / 7800.0)
 
 
-def bar(cells: int, nu: float = 0.0) -> Model:
+ELEMENTS = [("full", None), ("one-point", None), ("one-point", 0.1), ("selective", None)]
+
+
+def bar(cells: int, nu: float = 0.0, element=ELEMENTS[0]) -> Model:
     """The bar in a single row of cubes."""
     size = LENGTH / cells
     changes = {"mesh.length": LENGTH, "mesh.width": size, "mesh.size": size}
-    scene = Scene.load("bar-wave", **changes, **{"bodies.bar.material.poisson_ratio": nu})
-    return build(scene, MPI.COMM_SELF)
+    changes |= {"bodies.bar.material.poisson_ratio": nu, "bodies.bar.element": element[0]}
+    if element[1] is not None:
+        changes["bodies.bar.hourglass_coefficient"] = element[1]
+    return build(Scene.load("bar-wave", **changes), MPI.COMM_SELF)
 
 
 def stiffness(model: Model) -> np.ndarray:
@@ -85,11 +90,12 @@ def stepped(model: Model, dt: float, steps: int):
 # row 4
 
 
-def test_row_4_bar_modes_follow_the_dispersion_of_lumped_cells():
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_row_4_bar_modes_follow_the_dispersion_of_lumped_cells(element):
     """ω_h = 2c/h sin(kh/2) with k = (2j−1)π/2L for all 8 modes of 8 cells, to 1e-10."""
     k = (2 * np.arange(1, 9) - 1) * np.pi / (2 * LENGTH)
     h = LENGTH / 8
-    found = longitudinal(bar(8))
+    found = longitudinal(bar(8, element=element))
     np.testing.assert_allclose(found, 2 * C / h * np.sin(k * h / 2), rtol=1e-10)
 
 
@@ -165,9 +171,10 @@ def test_row_5_oscillator_is_second_order_in_dt():
     assert errors[-1] == pytest.approx(20 * 0.05**2 / 24 * np.sin(20), rel=0.02)
 
 
-def test_row_5_bar_is_second_order_in_dt():
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_row_5_bar_is_second_order_in_dt(element):
     """A mode of the lumped bar let go: error against φ cos ωt at ωt = 10 with slope 2 ± 0.1."""
-    model = bar(4, nu=0.3)
+    model = bar(4, 0.3, element)
     omega, shapes = free_modes(model)
     mode = len(omega) // 2
     counts, errors = np.array([50, 100, 200]), []
@@ -193,12 +200,13 @@ def throw(model: Model) -> float:
     return mass_norm(model, v)
 
 
-def test_row_5_just_below_the_limit_the_bar_stays_bounded():
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_row_5_just_below_the_limit_the_bar_stays_bounded(element):
     """ω_max dt = 2 · 0.99: for 10⁵ steps ‖v‖ ≤ ‖v₀‖ / √(1 − 0.99²), what leapfrog may reach.
 
     In a mode v(t + dt/2) = v₀ cos(Ω(n + ½)) / cos(Ω/2) with sin(Ω/2) = ω dt/2 (norms by mass).
     """
-    model = bar(3, nu=0.3)
+    model = bar(3, 0.3, element)
     dt = 2 * 0.99 / free_modes(model)[0].max()
     start, largest = throw(model), 0.0
     for i, state in enumerate(stepped(model, dt, 100_000)):
@@ -208,9 +216,10 @@ def test_row_5_just_below_the_limit_the_bar_stays_bounded():
     assert start < largest <= start / np.sqrt(1 - 0.99**2) * (1 + 1e-9)
 
 
-def test_row_5_just_above_the_limit_the_bar_diverges():
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_row_5_just_above_the_limit_the_bar_diverges(element):
     """ω_max dt = 2 · 1.01: growth by exp(2 arcosh 1.01) = 1.33 a step, to 1 %."""
-    model = bar(3, nu=0.3)
+    model = bar(3, 0.3, element)
     dt = 2 * 1.01 / free_modes(model)[0].max()
     throw(model)
     norms = [mass_norm(model, state.v.x) for state in stepped(model, dt, 200)]
