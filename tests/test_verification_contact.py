@@ -254,10 +254,17 @@ def pulled(share: float, ramp: float = 60e-6, end: float = 160e-6) -> dict:
         grown = 0.5 * (1 - np.cos(np.pi * min(state.t / ramp, 1)))
         force.array.reshape(-1, 3)[dofs, 0] += grown * most
 
-    loads, petsc = [*model.loads, pull], model.mass.petsc_vec
-    end = round(end / model.dt) * model.dt
+    loop = central_difference(
+        model.state,
+        model.mass.petsc_vec,
+        [*model.loads, pull],
+        model.supports,
+        model.dt,
+        round(end / model.dt) * model.dt,
+        dead=model.dead.nodal,
+    )
     rows = []
-    for state in central_difference(model.state, petsc, loads, model.supports, model.dt, end):
+    for state in loop:
         x, p = motion(model, "block", 0)
         rows.append((state.t, x, p / BLOCK, pair.normal_force, pair.tangential_force[0]))
     return dict(zip(("t", "x", "v", "N", "T"), np.array(rows).T, strict=True))

@@ -70,9 +70,9 @@ class Model:
 
     @property
     def loads(self) -> list[Callable[[State, la.Vector], None]]:
-        """The loads of a step; what the scene does not name is not there."""
+        """The loads of a step beside the dead ones; what the scene does not name is not there."""
         named = [self.viscosity, self.damping, self.drive, self.connections, *self.pairs.values()]
-        return [x.add for x in (self.internal, self.dead, *named) if x is not None]
+        return [x.add for x in (self.internal, *named) if x is not None]
 
     def phase_of(self, add: Callable[..., Any]) -> str:
         """Phase of the run that a load's time counts to."""

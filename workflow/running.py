@@ -167,7 +167,14 @@ def steps(
     points = model.connections.masses if model.connections is not None else None
     progress.start(last, model.dt)
     loop = central_difference(
-        state, model.mass.petsc_vec, loads, model.supports, model.dt, last * model.dt, points
+        state,
+        model.mass.petsc_vec,
+        loads,
+        model.supports,
+        model.dt,
+        last * model.dt,
+        points,
+        model.dead.nodal,
     )
     began = time.perf_counter()
     busy = sum(clock.seconds.values())
