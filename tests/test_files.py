@@ -443,3 +443,29 @@ def test_export_command(tmp_path, monkeypatch, capfd):
     assert code == 2 and "file = 'bar.stl'" in err and ".vtu" in err
     code, _, err = call("bar-wave", "none/bar.msh")
     assert code == 2 and "file = 'none/bar.msh'" in err
+
+
+@pytest.mark.slow
+def test_names_of_the_file_reach_log_and_figures(tmp_path):
+    """Regions called by no name of squealx: a run, its recorded names, its picture and legend."""
+    pytest.importorskip("matplotlib")
+    from workflow import theme
+    from workflow.figures_model import model
+    from workflow.recorded import Record
+
+    scene = Scene.load("sliding-block", **{"mesh.size": 5e-3, "mesh.base_size": 5e-3})
+    mesh = mesh_of(scene)[0]
+    names = {mesh.name(t): t for t in np.unique(mesh.surfaces).tolist()}
+    names |= {"upper part": Tag.BLOCK, "plate": Tag.BASE}
+    files.write(mesh, tmp_path / "mesh.msh", names)
+    tables = scene.tables() | {"mesh": {"kind": "file", "path": str(tmp_path / "mesh.msh")}}
+    tables["bodies"]["block"]["regions"] = ["Upper Part"]
+    tables["bodies"]["base"]["regions"] = ["plate"]
+    (tmp_path / "scene.toml").write_text(tomli_w.dumps(tables))
+    run_of(tmp_path / "scene.toml", tmp_path / "out", 1, "time.end=1e-6")
+    record = Record(tmp_path / "out")
+    assert sorted(record.body.names.values()) == ["plate", "upper part"]
+    with theme.style():
+        fig = model(record)
+        assert [t.get_text() for t in fig.legends[0].get_texts()] == ["plate", "upper part"]
+        theme.save(fig, tmp_path / "model.png")

@@ -5,6 +5,7 @@ The file is a temporal VTKHDF UnstructuredGrid written with h5py: ``dolfinx.io.v
 unnamed point field only.
 """
 
+import json
 from pathlib import Path
 
 import h5py
@@ -113,6 +114,8 @@ def _write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
     root["NumberOfCells"] = np.array([len(mesh.cells)])
     root["NumberOfConnectivityIds"] = np.array([mesh.cells.size])
     root["CellData/region"] = mesh.regions
+    names = {int(tag): mesh.name(int(tag)) for tag in np.unique(mesh.regions)}
+    root["CellData/region"].attrs["names"] = json.dumps(names)
 
 
 def _open_steps(root: h5py.Group, nodes: int) -> None:

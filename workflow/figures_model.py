@@ -115,11 +115,11 @@ def _legend(fig: "Figure", body: Body) -> None:
 
     keys = [
         Patch(
-            facecolor=theme.REGION.get(region, theme.FAINT),
+            facecolor=theme.region(region),
             edgecolor=theme.INK,
             lw=0.4,
-            label=region.name.lower().replace("_", " "),
+            label=body.names.get(region, str(region)).replace("_", " "),
         )
-        for region in map(Tag, np.unique(body.regions))
+        for region in map(int, np.unique(body.regions))
     ]
     fig.legend(handles=keys, loc="outside lower center", ncols=len(keys))

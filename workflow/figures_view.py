@@ -136,7 +136,7 @@ def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
     for region in np.unique(mesh["region"]):
         view.add_mesh(
             mesh.extract_cells(mesh["region"] == region),
-            color=theme.REGION.get(region, theme.FAINT),
+            color=theme.region(int(region)),
             show_edges=edges,
             edge_color=EDGE,
             edge_opacity=0.8,

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A result folder as arrays: history, footprints and their patches, mesh and displacement."""
 
+import json
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from meshes.tags import Tag
+from meshes.tags import NAMES, Tag
 
 Array = npt.NDArray[np.float64]
 
@@ -107,11 +108,13 @@ class Body:
         points: Reference positions, shape ``(n, 3)`` [m].
         cells: Hexahedra, shape ``(c, 8)``.
         regions: Region of each cell, shape ``(c,)``.
+        names: Name of each region.
     """
 
     points: Array
     cells: npt.NDArray[np.int64]
     regions: npt.NDArray[np.int32]
+    names: dict[int, str] = field(default_factory=lambda: {t: n for n, t in NAMES.items()})
 
     @property
     def centres(self) -> Array:
@@ -120,7 +123,7 @@ class Body:
 
     def part(self, mask: npt.NDArray[np.bool_]) -> "Body":
         """Return the cells of a mask; nodes keep their numbers."""
-        return Body(self.points, self.cells[mask], self.regions[mask])
+        return Body(self.points, self.cells[mask], self.regions[mask], self.names)
 
 
 class Record:
@@ -156,7 +159,12 @@ class Record:
         with h5py.File(self._fields, "r", locking=False) as file:
             root = file["VTKHDF"]
             cells = root["Connectivity"][:].reshape(-1, 8)
-            return Body(root["Points"][:], cells, root["CellData/region"][:])
+            region = root["CellData/region"]
+            body = Body(root["Points"][:], cells, region[:])
+            if "names" not in region.attrs:
+                return body
+            names = {int(tag): name for tag, name in json.loads(region.attrs["names"]).items()}
+            return replace(body, names=names)
 
     def displacement(self, t: float) -> Array:
         """Return the displacement at the output nearest to time ``t``, shape ``(n, 3)`` [m]."""

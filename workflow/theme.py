@@ -67,6 +67,8 @@ REGION = {
     Tag.SPHERE: "#5b8db8",
     Tag.BASE: "#dfb07a",
 }
+# of a mesh file, in turn
+OTHER_REGIONS = ("#5b8db8", "#dfb07a", "#8fb4d1", "#c9843d", "#b9d3e4", "#eed5b2", "#8c8c8c")
 
 ENERGY = {
     "kinetic": "#0072b2",
@@ -112,6 +114,13 @@ def save(fig: "Figure", path: Path) -> Path:
 def letter(axes: "Axes", mark: str, text: str) -> None:
     """Title a panel as in a paper: (a) what it shows."""
     axes.set_title(f"({mark}) {text}")
+
+
+def region(tag: int) -> str:
+    """Return the colour of a region."""
+    return {int(t): colour for t, colour in REGION.items()}.get(
+        tag, OTHER_REGIONS[tag % len(OTHER_REGIONS)]
+    )
 
 
 def prefixed(values: npt.ArrayLike, unit: str) -> tuple[float, str]:
