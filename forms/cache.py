@@ -49,7 +49,7 @@ def compiling(comm: Any, form: Any, key: str, timeout: float) -> Iterator[Path]:
 
 
 def _file(folder: Path) -> Any:
-    """Return the open lock file, or None: FFCx will say on all ranks what is wrong with a folder."""
+    """Return the open lock file, or None: then FFCx says what is wrong on all ranks."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return (folder / LOCK).open("a")

@@ -16,8 +16,9 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from forms.elasticity import full
-from workflow import bench_cases, bench_roofline, cli
+from forms.elasticity import full, st_venant_kirchhoff
+from workflow import bench_cases, bench_operations, cli
+from workflow.bench_forms import FORMS, REFERENCE, STEEL
 
 ENGINES = {
     "assemble_vector",
@@ -34,7 +35,7 @@ def quick(tmp_path_factory) -> tuple[dict, Path]:
     folder = tmp_path_factory.mktemp("bench")
     command = [sys.executable, "-m", "workflow.cli", "bench", "--quick", "--json"]
     done = subprocess.run(
-        [*command, "--out", str(folder)], check=True, capture_output=True, text=True, timeout=240
+        [*command, "--out", str(folder)], check=True, capture_output=True, text=True, timeout=480
     )
     return json.loads(done.stdout), folder
 
@@ -62,7 +63,8 @@ def test_quick_bench_is_complete(quick):
     for engines in found["kernels"]["forms"].values():
         assert set(engines) == ENGINES
         assert all(row["rate"] > 0 and np.isfinite(row["rate"]) for row in engines.values())
-    assert len(found["kernels"]["forms"]) == 2
+        assert all(row["ratio"] > 0 and row["ratio_reference"] > 0 for row in engines.values())
+    assert set(found["kernels"]["forms"]) == set(FORMS)
     for key in ("vector_bits", "compiler", "cores", "versions"):
         assert found["host"][key]
     assert str(Path.home()) not in json.dumps(found["host"])
@@ -103,13 +105,38 @@ def test_counted_operations():
 
     def operations(degree: int) -> int:
         dx = full(domain.msh)(metadata={"quadrature_degree": degree})
-        return bench_roofline.operations(f * w * dx, native=False)
+        return bench_operations.operations(f * w * dx, native=False)
 
     one, eight = operations(1), operations(2)
     assert operations(3) == eight  # 2×2×2 points too
     loop = (eight - one) / 7
     assert loop >= 2 * 8 + 2 * 8  # value of f, and eight entries of the vector, per point
     assert loop < 200  # with the Jacobian's determinant
+
+
+def test_forms_are_those_of_the_library():
+    """The reference is stock's St. Venant-Kirchhoff; one-point titles say which stiffness."""
+    domain = bench_cases.cube((1, 1, 1), MPI.COMM_SELF)
+    u, w, dx = fem.Function(domain.V), ufl.TestFunction(domain.V), full(domain.msh)
+    expected = st_venant_kirchhoff(u, w, STEEL) * dx
+    assert FORMS[REFERENCE](u, w, dx).signature() == expected.signature()
+    one_point = [title for title in FORMS if "one point" in title]
+    assert len(one_point) == 2 and all("physical hourglass" in title for title in one_point)
+
+
+def test_unused_values_are_not_counted():
+    """a = x y; b = a z is read by nobody: 0; once b is, both products count."""
+    x, a, b, out = (
+        bench_operations.L.Symbol(n, bench_operations.L.DataType.SCALAR) for n in "xabo"
+    )
+    chain = [
+        bench_operations.L.VariableDecl(a, x * x),
+        bench_operations.L.VariableDecl(b, a * x),
+    ]
+    use = bench_operations.L.AssignAdd(out, b)
+    code = bench_operations.L.StatementList
+    assert bench_operations.live(code(chain)) == 0
+    assert bench_operations.live(code([*chain, use])) == 3
 
 
 def test_rounds_are_interleaved():

@@ -150,22 +150,31 @@ def _kernel_table(found: dict[str, Any], console: "Console") -> None:
     console.print(
         f"peak {core['peak_float64'] / 1e9:.0f} Gflop/s (float32: {core['peak_float32'] / 1e9:.0f})"
         f", memory {core['bandwidth'] / 1e9:.0f} GB/s; flop and byte are per cell and "
-        "estimated, roof is the share of what these allow: see roofline.how in bench.json",
+        "estimated, f/B is flop per byte, roof is the share of what these allow: see roofline.how "
+        "in bench.json",
         highlight=False,
     )
-    heads = ("M/s", "ratio", "error", "flop", "byte", "Gflop/s", "roof")
+    console.print(
+        "own: times the rate of assemble_vector, default flags, of the same form; full SVK: times "
+        f"that of {cases.REFERENCE} quadrature, which a one-point form replaces; MatMult is with "
+        "the stiffness of full quadrature; hourglass stiffness: from the elastic moduli, no "
+        "parameter",
+        highlight=False,
+    )
+    heads = ("M/s", "own", "full SVK", "error", "flop", "byte", "f/B", "roof")
     for title, engines in found["kernels"]["forms"].items():
         table = _table(f"{title}, {found['kernels']['cells']} cells", heads, first="engine")
         for name, row in engines.items():
             load = found["roofline"]["forms"][title][name]
             table.add_row(
                 name,
-                f"{row['rate'] / 1e6:.2f}",
+                f"{row['rate'] / 1e6:.1f}",
                 f"{row['ratio']:.1f}",
+                f"{row['ratio_reference']:.1f}",
                 f"{row['difference']:.0e}" if "difference" in row else "",
                 f"{load['operations']:.0f}",
                 f"{load['bytes']:.0f}",
-                f"{load['speed'] / 1e9:.1f}",
+                f"{load['intensity']:.1f}",
                 f"{load['share']:.0%}",
             )
         console.print(table)
@@ -176,7 +185,9 @@ def _table(title: str, heads: tuple[str, ...], first: str = "") -> Any:
     from rich import box
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)
+    table = Table(
+        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True
+    )
     if first:
         table.add_column(first, no_wrap=True)
     for head in heads:

@@ -13,58 +13,62 @@ if TYPE_CHECKING:
 
 # assemble_vector, tuned, native float64, native float32, MatMult: in the order of the table
 COLOURS = ("#9a9a9a", "#56b4e9", "#0072b2", "#009e73", "#d55e00")
-MARKERS = ("o", "s", "D", "^", "v")
+MARKERS = ("o", "s", "D", "^", "v", "P")  # of the forms
 
 
 def draw(found: dict[str, Any], path: Path) -> Path:
     """Draw kernels, roofline, whole steps and contact of a bench; return the path of the PNG."""
     with theme.style():
-        fig = theme.figure(theme.PAGE, 5.4)
-        panels = fig.subplots(2, 2).ravel()
-        _kernels(panels[0], found)
-        _roofline(panels[1], found)
-        _steps(panels[2], found)
-        _contact(panels[3], found)
+        fig = theme.figure(theme.PAGE, 7.6)
+        panels = fig.subplot_mosaic([["a", "b"], ["a", "c"], ["a", "d"]])
+        _kernels(panels["a"], found)
+        _roofline(panels["b"], found)
+        _steps(panels["c"], found)
+        _contact(panels["d"], found)
         return theme.save(fig, path)
 
 
 def _kernels(axes: "Axes", found: dict[str, Any]) -> None:
+    """Bars of every engine, form below form, each form with its marker of the roofline."""
     forms = found["kernels"]["forms"]
-    names = list(next(iter(forms.values())))
-    at = np.arange(len(names))
+    most = max(row["rate"] for engines in forms.values() for row in engines.values()) / 1e6
     for k, (title, engines) in enumerate(forms.items()):
-        rates = [engines[name]["rate"] / 1e6 for name in names]
-        bars = axes.barh(at + 0.4 * k, rates, 0.36, color=COLOURS, alpha=1 - 0.45 * k, label=title)
+        top = k * (len(engines) + 1.6)
+        at = top + np.arange(len(engines))
+        rates = [row["rate"] / 1e6 for row in engines.values()]
+        bars = axes.barh(at, rates, 0.85, color=COLOURS, label=list(engines) if k == 0 else None)
         labels = [
-            f"{r:.1f} ({engines[n]['ratio']:.1f}×)" for n, r in zip(names, rates, strict=True)
+            f"{row['rate'] / 1e6:.1f} ({row['ratio_reference']:.1f}×)" for row in engines.values()
         ]
-        axes.bar_label(bars, labels, padding=2, fontsize=6)
-    axes.set_yticks(at + 0.2, names)
-    axes.invert_yaxis()
+        axes.bar_label(bars, labels, padding=2, fontsize=5.5)
+        axes.text(0.02 * most, top - 0.7, title, va="bottom", fontsize=6.5)
+        axes.plot(0, top - 0.9, MARKERS[k], color=theme.INK, ms=4, clip_on=False)
+    axes.set_yticks([])
+    axes.set_ylim(top + len(engines) + 2.5, -1.8)  # downwards, with room for the legend
     axes.grid(False, axis="y")
-    axes.set_xlim(0, 1.3 * max(r["rate"] for e in forms.values() for r in e.values()) / 1e6)
-    axes.set_xlabel("million element updates per second")
-    theme.letter(axes, "a", f"{' (full), '.join(forms)} (pale)")
+    axes.set_xlim(0, 1.35 * most)
+    axes.set_xlabel("million element updates per second\n(× stock St. Venant-Kirchhoff, full)")
+    axes.legend(loc="lower right", fontsize=6, ncols=2)
+    theme.letter(axes, "a", "kernels on one core")
 
 
 def _roofline(axes: "Axes", found: dict[str, Any]) -> None:
+    """Speed against intensity: colours are the engines of panel a, markers its forms."""
     core, forms = found["roofline"]["core"], found["roofline"]["forms"]
     x = np.geomspace(0.05, 100, 200)
     for peak, dashes in (("peak_float64", "-"), ("peak_float32", "--")):
         roof = np.minimum(core[peak], x * core["bandwidth"]) / 1e9
         axes.loglog(x, roof, color=theme.INK, ls=dashes, lw=1)
         axes.text(95, core[peak] / 1e9 * 1.08, peak[5:], ha="right", va="bottom", fontsize=6)
-    engines = forms[next(iter(forms))]
-    for (name, load), colour, marker in zip(engines.items(), COLOURS, MARKERS, strict=True):
-        axes.plot(
-            load["intensity"], load["speed"] / 1e9, marker, color=colour, ms=5, ls="", label=name
-        )
+    for engines, marker in zip(forms.values(), MARKERS, strict=True):
+        for load, colour in zip(engines.values(), COLOURS, strict=True):
+            speed = load["speed"] / 1e9
+            axes.plot(load["intensity"], speed, marker, color=colour, ms=4, mew=0.4, mec="white")
     axes.set_xlim(0.05, 100)
-    axes.set_ylim(1, 4 * core["peak_float32"] / 1e9)
+    axes.set_ylim(1, 2 * core["peak_float32"] / 1e9)
     axes.set_xlabel("operations per byte, estimated [-]")
     axes.set_ylabel("speed [Gflop/s]")
-    axes.legend(loc="upper left", ncols=2, fontsize=6, columnspacing=1.0, handletextpad=0.2)
-    theme.letter(axes, "b", f"roofline of one core, {next(iter(forms))}")
+    theme.letter(axes, "b", "roofline of one core, markers as in (a)")
 
 
 def _steps(axes: "Axes", found: dict[str, Any]) -> None:

@@ -7,24 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import cffi
-import ffcx.codegeneration.lnodes as L
 import numpy as np
 import ufl
-from ffcx.analysis import analyze_ufl_objects
-from ffcx.codegeneration.backend import FFCXBackend
-from ffcx.codegeneration.integral_generator import IntegralGenerator
-from ffcx.ir.representation import compute_ir
-from ffcx.options import get_options
 
 from forms.elasticity import full
 from forms.native import this_host
-from forms.simd.contraction import Definitions, Generator
 from meshes.domain import Domain
 from workflow.bench_cases import (
-    FORMS,
     MATRIX,
     NATIVE,
-    STEEL,
     STOCK,
     TUNED,
     Call,
@@ -32,14 +23,17 @@ from workflow.bench_cases import (
     index_bytes,
     rounds,
 )
+from workflow.bench_forms import FORMS
+from workflow.bench_operations import operations
 
 HOW = (
     "Peak: independent chains of multiply-adds in registers, in vectors of the native kernels' "
     "width. Bandwidth: a[i] = b[i] + s c[i] with 24 bytes per entry, no write-allocate counted. "
     "Both are the best of the rounds, rates of kernels are medians. "
     "Operations of a kernel: additions, multiplications and divisions in the code that FFCx or "
-    "forms.simd generates, loops multiplied out, before the compiler simplifies; of MatMult 2 per "
-    "stored entry. Bytes per cell: every array once (coordinates, displacement, force read and "
+    "forms.simd generates, loops multiplied out, unused values left out, before the compiler "
+    "simplifies; of MatMult 2 per stored entry. "
+    "Bytes per cell: every array once (coordinates, displacement, force read and "
     "written, dof indices; for assemble_vector also its packed coefficients, written and read; "
     "for MatMult entries and one index per block row of three): a lower bound."
 )
@@ -126,8 +120,8 @@ def loads(domain: Domain, matrix: Any) -> dict[str, Any]:
     moved = bytes_per_cell(domain, matrix)
     entries = matrix.getInfo()["nz_used"] / len(domain.source.cells)
     found = {}
-    for title, residual in FORMS.items():
-        form = residual(u, w, STEEL) * full(domain.msh)
+    for title, work in FORMS.items():
+        form = work(u, w, full(domain.msh))
         scalar, lanes = operations(form, native=False), operations(form, native=True)
         flops = {STOCK: scalar, TUNED: scalar, **dict.fromkeys(NATIVE, lanes), MATRIX: 2 * entries}
         found[title] = {name: {"operations": flops[name], "bytes": moved[name]} for name in flops}
@@ -170,49 +164,3 @@ def roofline(host: dict[str, Any], asked: dict[str, Any], rates: dict[str, Any])
                 "share": speed / ceiling,
             }
     return found
-
-
-def operations(form: Any, *, native: bool) -> int:
-    """Return additions, multiplications and divisions per cell in the generated code.
-
-    Args:
-        form: Rank-1 UFL form of cell integrals.
-        native: Of the code of ``forms.simd``, else of FFCx's C.
-    """
-    options = get_options({"scalar_type": np.float64})
-    ir = compute_ir(analyze_ufl_objects([form], np.float64), {}, "bench", options, False)
-    total = 0
-    for integral in ir.integrals:
-        for cell in {key[0] for key in integral.expression.integrand}:
-            backend = FFCXBackend(integral, options)
-            if native:
-                backend.definitions = Definitions(backend, options)
-            generator = (Generator if native else IntegralGenerator)(integral, backend)
-            total += counted(generator.generate(cell))
-    return total
-
-
-def counted(node: Any) -> int:
-    """Return the floating-point operations of a node of FFCx's code tree."""
-    match node:
-        case L.ForRange():
-            return (node.end.value - node.begin.value) * counted(node.body)
-        case L.Section() | L.StatementList():
-            return sum(map(counted, [*getattr(node, "declarations", []), *node.statements]))
-        case L.VariableDecl():
-            return counted(node.value)
-        case L.AssignAdd() | L.AssignSub() | L.AssignMul() | L.AssignDiv():
-            return 1 + counted(node.rhs)
-        case L.Assign():
-            return counted(node.rhs)
-        case L.ArithmeticBinOp():
-            return 1 + counted(node.lhs) + counted(node.rhs)
-        case L.NaryOp():
-            return len(node.args) - 1 + sum(map(counted, node.args))
-        case L.Neg():
-            return counted(node.arg)
-        case L.Declaration() | L.Comment():
-            return 0
-        case L.Statement():
-            return counted(node.expr)
-    return 0  # literals, symbols, elements of arrays; the forms here have no functions
