@@ -131,9 +131,9 @@ def test_row_1_kernel_equals_dolfinx_assembly(case):
 
 @pytest.mark.parametrize("case", CASES, ids=name)
 def test_row_1_single_precision(case):
-    """The same in float32, strains of some per cent: some round-offs of 6e-8, below 3e-6."""
+    """The same in float32, strains of some per cent: some round-offs of 6e-8, below 1e-6."""
     error = kernel_error(case, (3, 3, 3), 1, 210e9, 0.3, 1e-6, np.float32)
-    assert 1e-9 < error < 3e-6
+    assert 1e-9 < error < 1e-6
 
 
 SIDE_BY_SIDE = [
@@ -249,12 +249,11 @@ def spectrum(case, seeds: int = 10) -> np.ndarray:
 def test_row_2_a_cell_has_six_rigid_motions_and_no_other_free_one(case):
     """Ten warped cells: exactly 6 zero eigenvalues (1e-14) and 18 stiff ones.
 
-    The least of those is above a thousandth of the largest; of spruce, whose moduli differ by 220,
-    above 2e-4.
+    The least of those is above 0.02 of the largest; of spruce, whose moduli differ by 220, 0.004.
     """
     values = spectrum(case)
     assert np.abs(values[:, :6]).max() <= 1e-14
-    assert values[:, 6:].min() >= (2e-4 if case[3] is SPRUCE else 1e-3)
+    assert values[:, 6:].min() >= (4e-3 if case[3] is SPRUCE else 2e-2)
 
 
 # row 3
