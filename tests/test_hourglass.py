@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from forms.cells import CellGrad, mean_gradient, one_point, per_point, positions, uniform, volume
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
-from forms.hourglass import hourglass, hourglass_energy
+from forms.hourglass import hourglass, hourglass_energy, one_point_residual
 from forms.kernel import CellIntegral, CellKernel
 from meshes import blocks
 from meshes.domain import Domain, distribute
@@ -147,6 +147,23 @@ def test_force_is_the_derivative_of_the_energy(cube, coefficient, rotating):
     force = values(hourglass(u, w, STEEL, **options) * dx)
     expected = values(ufl.derivative(hourglass_energy(u, STEEL, **options) * dx, u, w))
     np.testing.assert_allclose(force, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("coefficient", SCALINGS)
+@pytest.mark.parametrize("rotating", [False, True])
+def test_collected_residual_is_the_sum_of_its_parts(cube, coefficient, rotating):
+    """Stress, control and a term with ``w`` itself, collected by derivatives of w: to 1e-14."""
+    law = st_venant_kirchhoff if rotating else small_strain
+
+    def residual(u, w, material, v=None):
+        return law(u, w, material, v) + 1e9 * ufl.inner(u, w)
+
+    u, v, w = random_field(cube, 0.05, 6), random_field(cube, 1e3, 9), ufl.TestFunction(cube.V)
+    options, dx = {"rotating": rotating, "coefficient": coefficient}, one_point(full(cube.msh))
+    found = values(one_point_residual(residual, **options)(u, w, STEEL, v) * dx)
+    expected = values(uniform(residual(u, w, STEEL, v)) * dx)
+    expected += values(hourglass(u, w, STEEL, v, **options) * dx)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("coefficient", SCALINGS)

@@ -41,6 +41,7 @@ from ufl import (
 from forms.cells import one_point as one_point_measure
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.hourglass import one_point_residual
+from forms.kernel import AssembledKernel, CellKernel
 from forms.native import NativeKernel, Unsupported, this_host
 from meshes import blocks
 from meshes.domain import Domain, distribute
@@ -140,6 +141,16 @@ def one_point(domain: Domain, tags: Any, seed: int) -> Any:
     return small_strain(u, w, STEEL) * dx + hourglass * dx
 
 
+def hourglass_control(domain: Domain, tags: Any, seed: int) -> Any:
+    """One point with damping and both kinds of control, on parts of the mesh."""
+    u, v, w = field(domain, VECTOR, seed), field(domain, VECTOR, seed + 1), TestFunction(domain.V)
+    soft, dx = Elastic(70.0, 0.2, 2.7, damping=0.1), one_point_measure(full(domain.msh, tags))
+    fraction = one_point_residual(small_strain, rotating=False, coefficient=0.1)
+    return one_point_residual(st_venant_kirchhoff)(u, w, soft, v) * dx(1) + fraction(
+        u, w, STEEL
+    ) * dx((2, 3))
+
+
 FAMILY: list[Callable[[Domain, Any, int], Any]] = [
     tags_and_degrees,
     neo_hookean,
@@ -148,6 +159,7 @@ FAMILY: list[Callable[[Domain, Any, int], Any]] = [
     broken_stiffness,
     scalar_diffusion,
     one_point,
+    hourglass_control,
 ]
 
 
@@ -314,6 +326,16 @@ def test_what_is_beyond_the_engine_is_refused():
             NativeKernel(form)
     with pytest.raises(Unsupported, match="float64 or float32, got complex128"):
         NativeKernel(w[0] * ufl.dx, np.complex128)
+
+
+def test_the_engine_says_why_another_was_taken():
+    """Tetrahedra are assembled by DOLFINx; hexahedra need no reason."""
+    tets = dolfinx.mesh.create_unit_cube(COMM, 2, 2, 2)
+    refused = CellKernel(TestFunction(fem.functionspace(tets, P1)) * ufl.dx)
+    assert isinstance(refused.engine, AssembledKernel)
+    assert "hexahedra, got 1 of tetrahedron" in str(refused.engine.reason)
+    taken = CellKernel(TestFunction(box((2, 2, 2))[0].V)[0] * ufl.dx)
+    assert isinstance(taken.engine, NativeKernel) and taken.engine.reason is None
 
 
 def test_sum_over_ranks_after_reverse_scatter():
