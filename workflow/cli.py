@@ -148,6 +148,37 @@ def export(
     print(json.dumps(told) if as_json else foreign.in_words(told))
 
 
+@app.command(
+    epilog=examples(
+        "squealx mesh flange-transition",
+        "squealx mesh flange-transition --set mesh.size=0.001 --out runs/fine-mesh",
+    )
+)
+def mesh(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for mesh.json and mesh.png; runs/mesh-NAME.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Make the mesh of a scene and show its sizes, its shapes and which cells set the step."""
+    checked = load(scene, changes)
+    from rich.console import Console
+
+    from workflow import mesh_report
+
+    progress = Console(stderr=True)
+    found = mesh_report.report(checked, lambda line: progress.print(line, highlight=False))
+    folder = out or Path("runs") / f"mesh-{checked.name}"
+    paths = mesh_report.write(found, folder)
+    if as_json:
+        print(json.dumps(mesh_report.summary(found)))
+    else:
+        mesh_report.show(found, Console())
+        print("\n".join(map(str, paths)))
+
+
 @app.command(epilog=examples("squealx figures runs/bar-impact"))
 def figures(
     folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
