@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from forms.connections import Mean, Spread
 from forms.point_masses import PointMasses
-from forms.stability import stable_step
 
 Array = npt.NDArray[np.float64]
 
@@ -125,11 +124,16 @@ def joined_step(
     mass_damping: float = 0.0,
     *,
     held: bool = False,
+    room: float = 1.0,
 ) -> float:
     """Return a stable step of central difference with all damping lagged by half a step [s].
 
     The scheme is stable while ``dt²/4 K + dt/2 C < M``: with the largest eigenvalues ω² of
-    ``M⁻¹ K`` and c of ``M⁻¹ C``, up to ``dt = 2/ω (√(1 + ζ²) − ζ)`` and ``ζ = c / (2 ω)``.
+    ``M⁻¹ K`` and c of ``M⁻¹ C`` up to the root of ``ω² dt²/4 + c dt/2 = 1``, which is
+    ``dt = 2/ω (√(1 + ζ²) − ζ)`` with ``ζ = c / (2 ω)``.
+
+    Where only the step of damped bodies is known (:func:`forms.viscosity.damped_step`), frequency 0
+    and ``mass_damping = 2 / dt`` are on the safe side: damping counts most at smaller steps.
 
     Args:
         frequency: Bound of the bodies' largest frequency [rad/s].
@@ -138,7 +142,9 @@ def joined_step(
         stiffness_damping: Largest stiffness-proportional damping β of a body [s].
         mass_damping: Largest mass-proportional damping α of a body [1/s].
         held: Whether ``frequency`` has the springs in it already.
+        room: What is left of the 1 by springs that are in proportion to ``m / dt²``, as those of
+            contact: 1 less a quarter of their factors [-].
     """
-    omega = np.sqrt(joined(frequency**2, springs, held=held))
+    square = joined(frequency**2, springs, held=held)
     lag = joined(stiffness_damping * frequency**2 + mass_damping, dampers)
-    return stable_step(float(omega), mass_damping=lag)
+    return float(2 * room / (np.sqrt(lag**2 / 4 + room * square) + lag / 2))

@@ -67,6 +67,26 @@ def test_without_connections_it_is_the_step_of_the_bodies():
     assert joined_step(3.0, NONE, NONE, 0.1, 0.2) == pytest.approx(stable_step(3.0, 0.1, 0.2))
 
 
+@pytest.mark.parametrize("room", [0.2, 0.9])
+def test_contact_springs_take_their_share_at_any_damping(room):
+    """ω² dt²/4 + c dt/2 = room; √room of the step would be too long where damping is large."""
+    for damping in (0.0, 0.1, 50.0):
+        dt = joined_step(3.0, NONE, NONE, 0.0, damping, room=room)
+        assert 9 * dt**2 / 4 + damping * dt / 2 == pytest.approx(room, rel=1e-14)
+        assert dt <= np.sqrt(room) * joined_step(3.0, NONE, NONE, 0.0, damping) * (1 + 1e-14)
+
+
+def test_damped_bodies_of_known_step_with_springs():
+    """2/dt as damping: dt without springs; with them, safe however K and C of the body share it."""
+    dt, ground = 0.3, Attached(np.full(3, 40.0), 40.0, np.zeros(0), np.zeros(0))
+    assert joined_step(0.0, NONE, NONE, mass_damping=2 / dt) == pytest.approx(dt, rel=1e-14)
+    found = joined_step(0.0, ground, NONE, mass_damping=2 / dt)
+    assert found < 0.8 * dt
+    for share in (0.0, 0.5, 1.0):
+        square, lag = share * 4 / dt**2, (1 - share) * 2 / dt
+        assert (square + 40) * found**2 / 4 + lag * found / 2 <= 1 + 1e-14
+
+
 def test_a_light_mass_between_stiff_bodies_and_the_ground_is_seen():
     """A sleeper of 1 g: its own frequency bounds the step, not that of the bodies."""
     sleeper = Attached(np.full(3, 1e3), 1.0, np.array([1e6]), np.array([1e6]))
