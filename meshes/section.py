@@ -114,7 +114,14 @@ def spaced(polyline: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at * t[-1], t, polyline[:, k]) for k in range(2)])
 
 
-def assembled(blocks: list[Array], profile: Profile, stations: Array, first_row: float) -> Section:
+def assembled(
+    blocks: list[Array],
+    profile: Profile,
+    stations: Array,
+    first_row: float,
+    *,
+    upright: float = 1.0,
+) -> Section:
     """Return the blocks joined and smoothed; the last row of the first block is the band's top.
 
     Args:
@@ -122,6 +129,8 @@ def assembled(blocks: list[Array], profile: Profile, stations: Array, first_row:
         profile: Exact running surface under which the first block lies.
         stations: Arc length of the columns of the first block [m].
         first_row: Wanted height of the row under the surface [m].
+        upright: Weight of that row in the smoothing; the larger, the nearer to right angles do
+            columns meet the surface.
     """
     shapes = [b.shape[:2] for b in blocks]
     raw = np.vstack([b.reshape(-1, 2) for b in blocks])
@@ -133,10 +142,15 @@ def assembled(blocks: list[Array], profile: Profile, stations: Array, first_row:
         inverse[a : a + m * n].reshape(m, n) for a, (m, n) in zip(start, shapes, strict=False)
     ]
     quads = [numbered(number) for number in numbers]
-    points = smoothed(raw[first], np.vstack(quads))
-    s, d = np.full(len(points), np.nan), np.full(len(points), np.nan)
+    points = raw[first]
     band = numbers[0][::-1]
+    weights = np.ones(len(np.vstack(quads)))
+    weights[: len(quads[0])].reshape(len(band) - 1, -1)[-1] = upright
+    points = smoothed(points, np.vstack(quads))
     points[band[1:-1, 1:-1]] = _respaced(points[band], first_row)[1:-1, 1:-1]
+    points = smoothed(points, np.vstack(quads), weights)
+    points[band[1:-1, 1:-1]] = _respaced(points[band], first_row)[1:-1, 1:-1]
+    s, d = np.full(len(points), np.nan), np.full(len(points), np.nan)
     s[band] = stations
     d[band] = np.arange(len(band))[:, None]
     block = np.repeat(np.arange(len(quads)), [len(q) for q in quads])
@@ -149,7 +163,7 @@ def numbered(numbers: Index) -> Index:
     return np.stack([q.ravel() for q in quads], axis=1)
 
 
-def smoothed(points: Array, quads: Index) -> Array:
+def smoothed(points: Array, quads: Index, weights: Array | None = None) -> Array:
     """Return the nodes with those inside moved so that corners are right and spacing is kept.
 
     Minimises over all corners the mean ratio ``(|a|²/α² + |b|²/β²) / 2 det(a/α, b/β)`` of the two
@@ -163,12 +177,13 @@ def smoothed(points: Array, quads: Index) -> Array:
     sides = np.linalg.norm(points[quads] - points[np.roll(quads, -1, axis=1)], axis=2)
     lengths = np.stack([sides[:, [0, 2]].mean(axis=1), sides[:, [1, 3]].mean(axis=1)])
     wanted = np.concatenate([lengths[::-1] if k % 2 else lengths for k in range(4)], axis=1)
+    weight = np.ones(len(corners)) if weights is None else np.tile(weights, 4)
     x = points.copy()
     for delta in (0.3, 0.1, 0.03, 0.0):
         result = minimize(
             _distortion,
             x[free].ravel(),
-            args=(x, free, corners, wanted, delta),
+            args=(x, free, corners, wanted, weight, delta),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": 400},
@@ -189,7 +204,13 @@ def _respaced(lines: Array, first: float) -> Array:
 
 
 def _distortion(
-    moved: Array, points: Array, free: Index, corners: Index, wanted: Array, delta: float
+    moved: Array,
+    points: Array,
+    free: Index,
+    corners: Index,
+    wanted: Array,
+    weight: Array,
+    delta: float,
 ) -> tuple[float, Array]:
     x = points.copy()
     x[free] = moved.reshape(-1, 2)
@@ -209,8 +230,8 @@ def _distortion(
     # squared, the worst corners count most
     for node, part in ((p, d_a / alpha), (q, d_b / beta), (o, -d_a / alpha - d_b / beta)):
         for k in range(2):
-            gradient[:, k] += np.bincount(node, 2 * value * part[:, k], minlength=len(x))
-    return float((value**2).sum()), gradient[free].ravel()
+            gradient[:, k] += np.bincount(node, 2 * weight * value * part[:, k], minlength=len(x))
+    return float((weight * value**2).sum()), gradient[free].ravel()
 
 
 def _share(first: Array, second: Array) -> Array:

@@ -26,6 +26,8 @@ from meshes.tags import Tag
 Array = npt.NDArray[np.float64]
 
 HEIGHT = 0.159
+SHALLOW = 0.009  # first row of a head refined once: deeper columns grow thin under the corner
+UPRIGHT = 5.0  # weight of columns at right angles to the running surface, if refined twice
 WEB_COLUMNS = 4
 WEB_ROWS = 5
 FOOT_ROWS = 2
@@ -88,7 +90,7 @@ def rail_section(size: float, levels: int) -> tuple[Section, int, int]:
     head, outline = rail_54e1(), rail_54e1("outline")
     stations, first, last = _stations(head.joints, size, levels)
     joints = outline.joints
-    row = min(COARSEST, size * 3**levels)
+    row, upright = ((SHALLOW, 1.0), (min(COARSEST, size * 3**levels), UPRIGHT))[levels > 1]
     flank = outline.at(np.linspace(joints[4], joints[7], 400))
     length = np.hypot(*np.diff(flank, axis=0).T).sum()
     depth = np.array([0.0, row, (row + length) / 2, length]) / length
@@ -105,7 +107,7 @@ def rail_section(size: float, levels: int) -> tuple[Section, int, int]:
         coons(neck, rise, roof, rise * [-1, 1]),
         *_web_and_foot(neck),
     ]
-    return assembled(blocks, head, stations, row), first, last
+    return assembled(blocks, head, stations, row, upright=upright), first, last
 
 
 def _stations(joints: Array, size: float, levels: int) -> tuple[Array, int, int]:

@@ -19,6 +19,7 @@ from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]
 
+UPRIGHT = 10.0  # weight of columns at right angles to the running surface
 WEB_COLUMNS = 4
 WEB_ROWS = 8
 HUB_ROWS = 3
@@ -109,7 +110,11 @@ def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple
     web = _web(wheel)
     row = min(COARSEST, size * 3**levels)
     rim = _rim(profile, stations, web, float(wheel["rim_ir"]), row)
-    return assembled([rim, web, *_hub(wheel, web)], profile, stations, row), first, last
+    return (
+        assembled([rim, web, *_hub(wheel, web)], profile, stations, row, upright=UPRIGHT),
+        first,
+        last,
+    )
 
 
 def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, int]:
