@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem, la
 from dolfinx.fem.petsc import assemble_matrix
 
-from forms.kernel import JIT_OPTIONS
+from forms.kernel import compiled
 from workflow.attachments import axle, supports
 from workflow.guards import GuardError
 from workflow.model import Model
@@ -149,8 +149,7 @@ def elastic_stiffness(model: Model) -> PETSc.Mat:
     V = model.domain.V
     u, w = fem.Function(V), ufl.TestFunction(V)
     residual = model.bodies.internal_work(u, w)
-    form = fem.form(ufl.derivative(residual, u, ufl.TrialFunction(V)), jit_options=JIT_OPTIONS)
-    K = assemble_matrix(form)
+    K = assemble_matrix(compiled(ufl.derivative(residual, u, ufl.TrialFunction(V))))
     K.assemble()
     return K
 

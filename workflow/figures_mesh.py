@@ -44,7 +44,7 @@ def _steps(axes: "Axes", found: MeshReport) -> None:
 
     steps, bound = found.steps * 1e9, found.assembled * 1e9
     low, high = 0.9 * min(steps.min(), bound), 1.1 * max(steps.max(), bound)
-    axes.hist(steps, np.geomspace(low, high, 60), color=theme.WHEEL)
+    axes.hist(steps, np.geomspace(low, high, 60).tolist(), color=theme.WHEEL)
     if high > 5 * low:
         axes.set_xscale("log")
         axes.set_xticks([t for t in (10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3) if low < t < high])
@@ -61,15 +61,15 @@ def _steps(axes: "Axes", found: MeshReport) -> None:
 
 
 def _shapes(axes: "Axes", found: MeshReport) -> None:
-    axes.hist(
-        found.jacobians, np.linspace(min(0.0, found.jacobians.min()), 1.0, 51), color="#d9cdb8"
-    )
+    """Cells by their scaled Jacobian."""
+    worst = found.jacobians.min()
+    axes.hist(found.jacobians, np.linspace(min(0.0, worst), 1.0, 51).tolist(), color=theme.RAIL)
     axes.set_yscale("log")
     axes.set_ylim(bottom=0.5)
-    axes.axvline(found.jacobians.min(), color=STIFF, lw=1.0)
+    axes.axvline(worst, color=STIFF, lw=1.0)
     axes.set_xlabel("scaled Jacobian")
     axes.set_ylabel("cells")
-    theme.letter(axes, "b", f"smallest {found.jacobians.min():.2f}")
+    theme.letter(axes, "b", f"smallest {worst:.2f}")
 
 
 def _around(found: MeshReport, stiff: npt.NDArray[np.bool_], reach: float) -> Array:

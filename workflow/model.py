@@ -146,6 +146,8 @@ def build(
     with clock.phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         attach(model)
+    if reason := model.internal.kernel.engine.reason:
+        log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
         f"step {model.dt * 1e9:.1f} ns, {model.dt / model.dt_bound:.2f} of the bound "
         f"{model.dt_bound * 1e9:.1f} ns"
