@@ -285,6 +285,44 @@ def test_an_array_that_does_not_fit_is_refused(out):
         kernel.add(out)
 
 
+GUARDED = """
+import ctypes, mmap, sys
+sys.path.insert(0, {tests!r})
+from test_native import *
+domain, _ = box((3, 3, 3))
+u, w = field(domain, VECTOR, 1), TestFunction(domain.V)
+form = st_venant_kirchhoff(u, w, STEEL) * full(domain.msh)
+out, expected = np.zeros(u.x.array.shape), assembled(form)
+kernel = NativeKernel(form, np.{dtype})
+addresses, kept = kernel._keep[-1], []
+libc = ctypes.CDLL(None, use_errno=True)
+for entry, array in ((2, domain.msh.geometry.x.ravel()), (5, u.x.array)):
+    pages = -(-array.nbytes // mmap.PAGESIZE)
+    memory = mmap.mmap(-1, (pages + 1) * mmap.PAGESIZE)
+    start = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    guard = start + pages * mmap.PAGESIZE
+    assert libc.mprotect(ctypes.c_void_p(guard), mmap.PAGESIZE, 0) == 0  # PROT_NONE
+    copy = np.frombuffer(memory, np.float64, array.size, pages * mmap.PAGESIZE - array.nbytes)
+    copy[:] = array
+    assert addresses[entry] == array.ctypes.data and guard == copy.ctypes.data + copy.nbytes
+    addresses[entry] = copy.ctypes.data
+    kept += [memory, copy]
+kernel.add(out)
+assert np.abs(out - expected).max() < 1e-5 * np.abs(expected).max()
+print("read what is there", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="protects a page of memory")
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_nothing_behind_an_array_is_read(dtype):
+    """Coordinates and displacement end where a forbidden page begins: no fault."""
+    code = GUARDED.format(tests=str(Path(__file__).parent), dtype=dtype)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert "read what is there" in done.stdout, done.stderr
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_nan_reaches_the_force_of_its_own_node_and_no_far_one(bad):
     """Fast-math, but the guards that look for NaN still find it."""
