@@ -30,6 +30,7 @@ class Tag(IntEnum):
     JOURNAL = 107  # skin of the axle that carries the axle box
     WHEELSET_SKIN = 108  # the rest of its surface, free
     RAIL_SKIN = 109  # the rest of its surface, free
+    WHEEL_BORE = 110  # seat of the axle in a wheel without one
     XMIN = 111
     XMAX = 112
     YMIN = 113
