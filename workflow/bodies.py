@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The forms of all bodies of a scene: internal work, energies, viscosity, and the stable step."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
 from workflow.geometry import cell_size
 from workflow.scene import Scene
-from workflow.sections import Body
+from workflow.sections import Body, Isotropic
 
 
 class Bodies:
@@ -139,6 +139,16 @@ class Bodies:
             for name, body in self.scene.bodies.items()
         )
 
+    def doubts(self) -> Iterator[str]:
+        """Yield a line for every choice that is allowed but known to be inaccurate."""
+        for name, body in self.scene.bodies.items():
+            m, coefficient = body.material, body.hourglass_coefficient
+            if coefficient and isinstance(m, Isotropic) and m.poisson_ratio > 0.45:
+                yield (
+                    f"bodies.{name}: a hourglass_coefficient locks at poisson_ratio = "
+                    f"{m.poisson_ratio}; without it the stiffness of the material is taken"
+                )
+
 
 def step_bound(
     bodies: Bodies, mass: Array, connections: Connections | None, log: Callable[[str], Any]
@@ -146,8 +156,8 @@ def step_bound(
     """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
 
     A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
-    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω``. The cell bound, which
-    viscosity always takes, has that much in hand.
+    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω`` without damping. The
+    cell bound, which viscosity always takes, has that much in hand.
 
     Args:
         bodies: Bodies with their forms.
@@ -164,14 +174,13 @@ def step_bound(
         springs, dampers = attached(connections.comm, *parts, mass)
     if any(b.bulk_viscosity for b in entries):
         dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
-        return joined_step(2 / dt, springs, dampers, mass_damping=damping[1])
+        return joined_step(0.0, springs, dampers, mass_damping=2 / dt + damping[1])
     if scene.time.bound == "assembled":
         held = springs.nodal if connections is not None else None
         frequency, sharp = assembled_frequency(V, bodies.internal_work, mass, held)
         room = 1 - sum(contact.penalty for contact in scene.contacts.values()) / 4
         if sharp and room > 0:
-            step = joined_step(frequency, springs, dampers, *damping, held=True)
-            return float(np.sqrt(room) * step)
+            return joined_step(frequency, springs, dampers, *damping, held=True, room=room)
         why = "the contact penalties are too large" if sharp else "Lanczos has not converged"
         log(f"step: bounded by its stiffest cell, because {why}")
     frequency = cell_frequency(V, bodies.internal_work, bodies.mass)

@@ -146,6 +146,8 @@ def build(
     with clock.phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         attach(model)
+    for line in model.bodies.doubts():
+        log(line)
     if reason := model.internal.kernel.engine.reason:
         log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
