@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A wheel without its axle as a body of revolution with even cells, the same in every sector.
 
-For natural frequencies: no zone of the tread is finer than the rest, so that the two modes of a pair
+For natural frequencies: no zone of the tread is finer than the rest, so the two modes of a pair
 come out alike. The drawing is that of :mod:`meshes.wheelset`, and so are the axes: y along the axle
 from the tape circle, which is centred at the origin.
 """

@@ -179,6 +179,67 @@ def mesh(
         print("\n".join(map(str, paths)))
 
 
+@app.command(
+    epilog=examples(
+        "squealx modes flange-transition",
+        "squealx modes flange-transition --held free --to 6000 --ranks 2",
+        "squealx modes flange-transition --part wheelset --to 2000",
+        "squealx modes bar-wave --to 70000",
+    )
+)
+def modes(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder; runs/NAME-modes if left out.")
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(help="'wheel' (without axle) or a body; the wheel, or the first body."),
+    ] = None,
+    held: Annotated[
+        str | None,
+        typer.Option(help="'free', 'bore' (wheel), 'supports' (of the scene) or SURFACE,..."),
+    ] = None,
+    to: Annotated[float, typer.Option(metavar="HZ", help="Highest frequency.")] = 10e3,
+    size: Annotated[
+        float, typer.Option(metavar="M", help="Cells of the section of the wheel.")
+    ] = 0.026 / 3,
+    most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the work.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Find all natural modes of a wheel or body up to a frequency: table, shapes, figures."""
+    checked = load(scene, changes)
+    folder = out or Path("runs") / f"{checked.name}-modes"
+    if ranks > 1 and not in_mpi():
+        from workflow.results import check_free
+
+        check_free(folder)
+        words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
+        words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
+    from mpi4py import MPI
+
+    from rich.console import Console
+
+    from workflow.modes import modes as find
+    from workflow.modes import show
+
+    root = MPI.COMM_WORLD.rank == 0
+    progress = Console(stderr=True, quiet=not root)
+    found = find(
+        checked, folder, part=part, held=held, top=to, size=size, most=most,
+        log=lambda line: progress.print(line, highlight=False),
+    )  # fmt: skip
+    if not root:
+        return
+    from workflow.figures_modes import draw
+
+    draw(found, folder)
+    print(json.dumps(found.summary)) if as_json else show(found.summary, Console())
+
+
 @app.command(epilog=examples("squealx figures runs/bar-impact"))
 def figures(
     folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
@@ -252,13 +313,20 @@ def in_mpi() -> bool:
     return any(k in os.environ for k in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
 
 
-def on_ranks(ranks: int, scene: str, changes: list[str] | None, folder: Path, as_json: bool) -> int:
+def on_ranks(
+    ranks: int,
+    scene: str,
+    changes: list[str] | None,
+    folder: Path,
+    as_json: bool,
+    verb: tuple[str, ...] = ("run",),
+) -> int:
     """Start this very command under ``mpiexec`` and return its exit code."""
     beside = Path(sys.executable).with_name("mpiexec")
     launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
     if launcher is None:
         raise SceneError(f"--ranks {ranks}: expected mpiexec beside python or on PATH")
-    command = [launcher, "-n", str(ranks), sys.executable, "-m", "workflow.cli", "run", scene]
+    command = [launcher, "-n", str(ranks), sys.executable, "-m", "workflow.cli", *verb, scene]
     for change in changes or []:
         command += ["--set", change]
     command += ["--out", str(folder)] + ["--json"] * as_json

@@ -47,7 +47,7 @@ class FieldWriter:
         self.nodes = len(source.points)
         if resume_at is None or not self.path.exists():
             with h5py.File(self.path, "w", locking=False) as file:
-                _write_mesh(file.create_group("VTKHDF"), source)
+                write_mesh(file.create_group("VTKHDF"), source)
         else:
             self._cut(resume_at)
 
@@ -101,7 +101,7 @@ class FieldWriter:
                 _resize(root, k, self.nodes)
 
 
-def _write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
+def write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
     """Write the mesh as the one static part of a VTKHDF UnstructuredGrid."""
     root.attrs["Version"] = np.array([2, 2])
     # VTK wants a string of fixed length

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
-from workflow.file_mesh import FileMesh
 from workflow.attachments import axle, supports, surface_nodes
+from workflow.file_mesh import FileMesh
 from workflow.geometry import mesh_of, placement_of
 from workflow.scene import Scene, SceneError
 from workflow.sections import WheelRailMesh
@@ -56,9 +56,7 @@ class Part:
     axis: Axis | None
 
 
-def part_of(
-    scene: Scene, name: str | None, held: str | None, size: float, comm: MPI.Comm
-) -> Part:
+def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm: MPI.Comm) -> Part:
     """Return a part of a scene; the wheel without axle is a body of revolution with even cells.
 
     Args:

@@ -9,7 +9,6 @@ there are between two shifts and looks until it has them all.
 from dataclasses import dataclass
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
@@ -20,7 +19,7 @@ from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix
 
 from forms.inertia import lumped_mass
-from forms.kernel import JIT_OPTIONS
+from forms.kernel import compiled
 from meshes.domain import Domain
 from workflow.bodies import Bodies
 from workflow.scene import SceneError
@@ -29,6 +28,8 @@ Array = npt.NDArray[np.float64]
 
 BELOW = 10.0  # Hz: rigid motion comes out within this of zero
 TOLERANCE = 1e-10  # of an eigenvalue
+# controls of MUMPS without which it does not count pivots: the root in one piece, null ones found
+COUNTING = {13: 1, 24: 1}
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def stiffness(bodies: Bodies) -> PETSc.Mat:
     V = bodies.domain.V
     u, w = fem.Function(V), ufl.TestFunction(V)
     tangent = ufl.derivative(bodies.internal_work(u, w), u, ufl.TrialFunction(V))
-    K = assemble_matrix(fem.form(tangent, jit_options=JIT_OPTIONS))
+    K = assemble_matrix(compiled(tangent))
     K.assemble()
     return K
 
@@ -135,8 +136,8 @@ def below(A: PETSc.Mat, shift: float) -> int:
     pc.setOperators(B)
     direct(pc)
     factors = pc.getFactorMatrix()
-    factors.setMumpsIcntl(13, 1)  # the root in one piece, else its pivots are not counted
-    factors.setMumpsIcntl(24, 1)
+    for key, value in COUNTING.items():
+        factors.setMumpsIcntl(key, value)
     pc.setUp()
     count = int(pc.getFactorMatrix().getInertia()[0])
     pc.destroy()
@@ -166,13 +167,6 @@ def solver(A: PETSc.Mat, bounds: tuple[float, float]) -> Any:
     pc = ksp.getPC()
     pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
+    for key, value in COUNTING.items():  # its factors do not exist yet: by options only
+        PETSc.Options().setValue(f"{ksp.getOptionsPrefix()}mat_mumps_icntl_{key}", value)
     return eps
-
-
-def gathered(domain: Domain, local: Array, comm: MPI.Comm) -> Array:
-    """Return values of the owned nodes in mesh order on rank 0, shape ``(n, ...)``, else none."""
-    parts = comm.gather((domain.nodes[: domain.owned], local))
-    whole = np.zeros((len(domain.source.points) if parts else 0, *local.shape[1:]))
-    for nodes, values in parts or ():
-        whole[nodes] = values
-    return whole
