@@ -53,12 +53,12 @@ def frequencies(result: Modes) -> "Figure | None":
         families(axes, found, kind, colour)
     if result.reference:
         n, f, _ = zip(*result.reference, strict=True)
-        label = "axisymmetric Fourier elements (independent calculation, not measured)"
+        label = "independent Fourier elements (not measured)"
         axes.plot(n, np.array(f) / 1e3, "o", mfc="none", mec=theme.INK, mew=0.7, ms=9, label=label)
     axes.set_xlabel("nodal diameters n")
     axes.set_ylabel("frequency [kHz]")
     axes.set_xticks(range(max(m.diameters for m in found) + 1))  # type: ignore[type-var, operator]
-    axes.set_ylim(0, 1.02 * max(m.frequency for m in found) / 1e3)
+    axes.set_ylim(0, result.summary["top"] / 1e3)
     axes.set_title(described(result))
     fig.legend(loc="outside lower center", ncols=4)
     return fig
@@ -82,7 +82,7 @@ def shapes(result: Modes) -> "Figure":
     points = result.mesh.points
     reach = AMPLITUDE * np.ptp(points, axis=0).max()
     wheel = chosen[0].diameters is not None
-    frame = Frame.around(points + reach * np.sign(points - points.mean(axis=0)) / 2,
+    frame = Frame.around(points + reach * np.sign(points - points.mean(axis=0)),
                          OBLIQUE if wheel else ASIDE)  # fmt: skip
     width = theme.PAGE / COLUMNS
     height = min(max(width * frame.height / frame.width, 0.5), 2.4)

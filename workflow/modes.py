@@ -189,25 +189,30 @@ def fourier(part: Part) -> list[tuple[int, float, str]]:
 def matched(labels: list[Mode], reference: list[tuple[int, float, str]]) -> dict[int, float]:
     """Return the independent frequency beside each mode: both lists in order, n by n.
 
+    For n = 0 torsion is apart from all else, and is put beside torsion.
+
     Args:
         labels: The modes.
         reference: Independent frequencies, ``(n, Hz, direction)``.
     """
+
+    def family(n: int, kind: str) -> tuple[int, bool]:
+        return n, n == 0 and kind == "circumferential"
+
     theirs = defaultdict(list)
-    for n, f, _ in sorted(reference):
-        theirs[n].append(f)
-    out, used = {}, defaultdict(int)
+    for n, f, kind in sorted(reference):
+        theirs[family(n, kind)].append(f)
+    out: dict[int, float] = {}
     for mode in labels:
         if mode.diameters is None:
             continue
         if mode.partner and mode.partner < mode.number:
-            if mode.partner in out:
-                out[mode.number] = out[mode.partner]
-            continue
-        n = mode.diameters
-        if used[n] < len(theirs[n]):
-            out[mode.number] = theirs[n][used[n]]
-        used[n] += 1
+            beside = out.get(mode.partner)
+        else:
+            waiting = theirs[family(mode.diameters, mode.kind)]
+            beside = waiting.pop(0) if waiting else None
+        if beside is not None:
+            out[mode.number] = beside
     return out
 
 
@@ -233,34 +238,40 @@ def title(mode: Mode, width: int = 0) -> str:
 
 
 def show(summary: dict[str, Any], console: Any) -> None:
-    """Print the table of the modes."""
+    """Print the table of the modes, one row for each pair."""
+    from rich import box
     from rich.table import Table
 
-    rows = summary["modes"]
+    rows = [r for r in summary["modes"] if not (r["partner"] and r["partner"] < r["number"])]
     shares = list(rows[0]["shares"])
     wheel, beside = "axial" in shares, bool(summary["independent"])
-    table = Table(title=f"{summary['scene']}: {summary['part']}, {summary['held']}")
-    columns = ["mode", "Hz", "motion", *(["n", "m"] if wheel else []), *(f"{s} %" for s in shares)]
-    columns += ["pair", "split %"] * wheel + ["independent Hz", "off %"] * beside
+    columns = ["mode", "Hz", "motion", *["n, m"] * wheel, *(f"{name[:3]} %" for name in shares)]
+    columns += ["split %"] * wheel + ["indep.", "off %"] * beside
+    told = f"{summary['scene']}: {summary['part']}, {summary['held'].replace('_', ' ')}"
+    table = Table(title=told, box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
-        table.add_column(name, justify="left" if name == "motion" else "right")
+        table.add_column(name, justify="left" if name == "motion" else "right", no_wrap=True)
     for row in rows:
-        words = [str(row["number"]), f"{row['frequency']:.1f}", row["kind"]]
-        words += [_number(row["diameters"]), _number(row["circles"])] * wheel
-        words += [f"{100 * share:.0f}" for share in row["shares"].values()]
-        if wheel:
-            split = row["split"]
-            words += [_number(row["partner"]), "" if split is None else f"{100 * split:.4f}"]
-        if beside:
-            f = row["independent"]
-            words += (
-                ["", ""] if f is None else [f"{f:.1f}", f"{100 * (row['frequency'] / f - 1):+.2f}"]
-            )
-        table.add_row(*words)
+        table.add_row(*words(row, wheel, beside))
     console.print(table)
     if beside:
-        console.print(f"independent: {summary['independent']}")
+        console.print(f"indep.: Hz of {summary['independent']}")
 
 
-def _number(value: int | None) -> str:
-    return "" if value is None else str(value)
+def words(row: dict[str, Any], wheel: bool, beside: bool) -> list[str]:
+    """Return a row of the table.
+
+    Args:
+        row: A mode as in ``modes.json``.
+        wheel: Whether it has an axle.
+        beside: Whether there are independent values.
+    """
+    partner, n, split, f = (row[k] for k in ("partner", "diameters", "split", "independent"))
+    number = f"{row['number']}, {partner}" if partner else str(row["number"])
+    cells = [number, f"{row['frequency']:.1f}", row["kind"].replace("umferential", ".")]
+    cells += ["" if n is None else f"{n}, {row['circles']}"] * wheel
+    cells += [f"{100 * share:.0f}" for share in row["shares"].values()]
+    cells += ["" if split is None else f"{100 * split:.4f}"] * wheel
+    if beside:
+        cells += ["", ""] if f is None else [f"{f:.1f}", f"{100 * (row['frequency'] / f - 1):+.2f}"]
+    return cells
