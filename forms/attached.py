@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The stable step of bodies on springs and dampers, to the ground or to point masses.
+"""The stable step of bodies on springs and dampers, to the ground, each other or point masses.
 
 For bodies with ``ω_max ≤ frequency``, and connections given as :mod:`forms.connections` has them:
 
@@ -18,7 +18,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.connections import Mean, Spread
+from forms.between import Between
+from forms.connections import Link, Mean
+from forms.dashpots import Dashpots
 from forms.point_masses import PointMasses
 
 Array = npt.NDArray[np.float64]
@@ -45,7 +47,7 @@ NONE = Attached(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
 
 
 def attached(
-    comm: MPI.Comm, masses: PointMasses, links: Iterable[Spread | Mean], mass: Array
+    comm: MPI.Comm, masses: PointMasses, links: Iterable[Link], mass: Array
 ) -> tuple[Attached, Attached]:
     """Return springs and dampers of connections; collective.
 
@@ -67,7 +69,7 @@ def attached(
 def _attached(
     comm: MPI.Comm,
     masses: PointMasses,
-    links: list[tuple[Spread | Mean, Array]],
+    links: list[tuple[Link, Array]],
     ground: Array,
     mass: Array,
 ) -> Attached:
@@ -78,8 +80,14 @@ def _attached(
     """
     nodal, tied = np.zeros_like(mass), np.zeros_like(masses.u)
     for link, coefficient in links:
+        if isinstance(link, Between):
+            dofs, share = link.majorant(coefficient, mass)
+            np.add.at(nodal.reshape(-1, 3), dofs, share)
+            continue
         share = np.outer(link.weight, coefficient) if isinstance(link, Mean) else coefficient
         np.add.at(nodal.reshape(-1, 3), link.dofs, share)
+        if isinstance(link, Dashpots):  # to the ground
+            continue
         point = np.broadcast_to(link.point, len(share))
         np.add.at(tied, point[point >= 0], share[point >= 0])
     if comm.size > 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Springs and dampers that hold bodies to point masses or to the ground."""
+"""Springs and dampers that hold bodies to point masses, to each other or to the ground."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -10,6 +10,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from forms.between import Between
+from forms.dashpots import Dashpots
 from forms.point_masses import PointMasses, damper_work
 
 Array = npt.NDArray[np.float64]
@@ -153,13 +155,16 @@ class Mean:
         return energy if self.comm.rank == 0 else 0.0
 
 
+Link = Spread | Mean | Between | Dashpots
+
+
 @dataclass
 class Connections:
     """All springs and dampers of a model with their point masses, as one load."""
 
     comm: MPI.Comm
     masses: PointMasses
-    links: list[Spread | Mean]
+    links: list[Link]
     dt: float
 
     def add(self, state: Any, force: Any) -> None:
@@ -220,6 +225,9 @@ class Connections:
         triplets = [(none, none, np.zeros(0))]
         springs = []
         for link in self.links:
+            if isinstance(link, Between | Dashpots):  # without point masses
+                triplets += self.comm.gather(link.triplets(number)) or []
+                continue
             parts = self.comm.gather(link.share(number))
             if parts is not None:
                 node, point, k = (np.concatenate(x) for x in zip(*parts, strict=True))

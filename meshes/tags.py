@@ -15,6 +15,7 @@ class Tag(IntEnum):
     RAIL_HEAD = 5
     RAIL_WEB = 6
     RAIL_FOOT = 7
+    SLEEPER = 8
     BAR = 20
     BLOCK = 21
     BASE = 22
@@ -42,6 +43,10 @@ class Tag(IntEnum):
     BLOCK_TOP = 119
     BASE_BOTTOM = 120
     BASE_TOP = 121
+    SLEEPER_TOP = 122
+    SLEEPER_BOTTOM = 123
+    SLEEPER_INNER = 124  # end of the half sleeper at the track centre
+    SLEEPER_SKIN = 125  # the rest of its surface, free
 
 
 def tag(name: str) -> Tag:
