@@ -21,9 +21,10 @@ def check_finite(model: "Model") -> None:
     if math.isfinite(vector.dot(vector)):
         return
     comm, a = model.domain.msh.comm, model.state.a.array[: 3 * model.domain.owned]
-    rows = np.flatnonzero(~np.isfinite((a.reshape(-1, 3) ** 2).sum(axis=1)))
-    places = [p for p in comm.allgather(_place(model, int(rows[0])) if len(rows) else "") if p]
-    where = places[0] if places else "spread over several ranks"
+    size = np.nan_to_num(np.abs(a).reshape(-1, 3).max(axis=1), nan=np.inf)
+    worst = int(np.argmax(size)) if len(size) else -1
+    found = comm.allgather((float(size[worst]), _place(model, worst)) if len(size) else (-1.0, ""))
+    _, where = max(found)
     raise GuardError(
         f"non-finite acceleration at step {model.state.step}, t = {model.state.t:.6e} s, {where}; "
         f"dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s: a smaller time.safety or contact "
