@@ -10,13 +10,13 @@ import numpy.typing as npt
 import ufl
 from dolfinx import la
 
-from forms.connections import Connections, Mean, PointMasses, Spread
 from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
 from workflow.scene import Scene
 from workflow.sections import Contact, RigidWall, Support
+from workflow.surfaces import surface_nodes
 
 if TYPE_CHECKING:
     from workflow.model import Model
@@ -65,11 +65,6 @@ def nodes_of(domain: Domain, names: list[str]) -> Dofs:
     return dofs[dofs >= 0]
 
 
-def surface_nodes(domain: Domain, surface: str) -> npt.NDArray[np.int64]:
-    """Return the mesh nodes of a surface, ascending."""
-    return np.unique(domain.source.surface(domain.source.tag(surface)))
-
-
 def axle(scene: Scene) -> Array:
     """Return the unit vector along the axle, yawed by the angle of attack, shape ``(3,)``."""
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
@@ -77,7 +72,7 @@ def axle(scene: Scene) -> Array:
 
 
 def supports(entries: list[Support], scene: Scene, domain: Domain) -> Supports:
-    """Return the supports listed in a scene."""
+    """Return supports as listed in a scene."""
     axes = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2], "axle": axle(scene)}
     dofs, directions = [], []
     for entry in entries:
@@ -125,88 +120,6 @@ def mass_damping(model: "Model") -> MassDamping:
         alpha[model.body_dofs(body)] = entry.mass_damping
     nodal = (model.mass.array.reshape(-1, 3)[:owned] * alpha).ravel()
     return MassDamping(model.domain.msh.comm, nodal, model.dt)
-
-
-def connections(scene: Scene, domain: Domain) -> Connections | None:
-    """Return sprung mass on its suspension, and rail on pads, sleepers and ballast; or nothing.
-
-    Their step is set when it is known: the springs have a part in it.
-    """
-    if not (scene.vehicle or scene.track):
-        return None
-    comm = domain.msh.comm
-    gravity = np.array(scene.gravity or (0.0, 0.0, 0.0))
-    up = np.array([0.0, 0.0, 1.0])
-    seats = sleeper_seats(scene, domain) if scene.track else []
-    n = len(seats)
-    mass = np.full(n, scene.track.sleeper_mass) if scene.track else np.zeros(0)
-    k = np.outer(np.full(n, scene.track.ballast_stiffness), up) if scene.track else np.zeros((0, 3))
-    c = np.outer(np.full(n, scene.track.ballast_damping), up) if scene.track else np.zeros((0, 3))
-    if scene.vehicle:
-        mass = np.append(mass, scene.vehicle.sprung_mass)
-        k, c = np.vstack([k, np.zeros(3)]), np.vstack([c, np.zeros(3)])
-    masses = PointMasses(mass, gravity, np.outer(np.ones(len(mass)), up), k, c)
-    links: list[Spread | Mean] = []
-    if scene.track:
-        links.append(pads(scene, domain, masses, seats))
-    if scene.vehicle:
-        nodes = surface_nodes(domain, scene.vehicle.journal)
-        share = surface_share(domain, scene.vehicle.journal)[nodes]
-        dofs = domain.local_dofs(nodes)
-        stiffness = up * scene.vehicle.suspension_stiffness
-        damping = up * scene.vehicle.suspension_damping
-        links.append(Mean(comm, dofs[dofs >= 0], share[dofs >= 0], n, stiffness, damping, masses))
-    return Connections(comm, masses, links, dt=0.0)
-
-
-def surface_share(domain: Domain, surface: str) -> Array:
-    """Return each mesh node's share of the area of a surface, summing to 1, shape ``(n,)``."""
-    force = nodal_traction(
-        domain.source.points,
-        domain.source.surface(domain.source.tag(surface)),
-        np.array([1.0, 0, 0]),
-    )
-    return np.asarray(force[:, 0] / force[:, 0].sum())
-
-
-def sleeper_seats(scene: Scene, domain: Domain) -> list[npt.NDArray[np.int64]]:
-    """Return the rail-foot nodes over each sleeper, sleepers counted from the track's middle.
-
-    A seat shorter than the mesh along the rail takes the nearest row of nodes.
-    """
-    track = scene.track
-    assert track is not None
-    nodes = surface_nodes(domain, track.seat)
-    x = domain.source.points[nodes, 0]
-    middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
-    count = int((half - 1e-9) / track.sleeper_spacing)
-    seats = []
-    for centre in middle + np.arange(-count, count + 1) * track.sleeper_spacing:
-        distance = np.abs(x - centre)
-        reach = max(track.seat_length / 2, distance.min()) + 1e-9
-        seats.append(nodes[distance <= reach])
-    return seats
-
-
-def pads(
-    scene: Scene, domain: Domain, masses: PointMasses, seats: list[npt.NDArray[np.int64]]
-) -> Spread:
-    """Return the pads as springs and dampers spread over each seat in proportion to area."""
-    track = scene.track
-    assert track is not None
-    area = surface_share(domain, track.seat)
-    dofs = [domain.local_dofs(nodes) for nodes in seats]
-    share = np.concatenate(
-        [(area[s] / area[s].sum())[d >= 0] for s, d in zip(seats, dofs, strict=True)]
-    )
-    point = np.concatenate([np.full((d >= 0).sum(), i, dtype=np.int32) for i, d in enumerate(dofs)])
-    return Spread(
-        dofs=np.concatenate([d[d >= 0] for d in dofs]),
-        point=point,
-        stiffness=np.outer(share, track.pad_stiffness),
-        damping=np.outer(share, track.pad_damping),
-        masses=masses,
-    )
 
 
 def pair(model: "Model", key: str, contact: Contact) -> Any:

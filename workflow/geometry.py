@@ -185,6 +185,7 @@ def cached_wheel_on_rail(
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     """Return wheelset and rail in the track position, and the placement of the wheel."""
     from meshes.placement import placed
+    from meshes.sleepers import sleepers
     from meshes.track import rail
     from meshes.wheelset import wheelset
 
@@ -200,4 +201,8 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         inclination=mesh.inclination,
         gauge=mesh.gauge,
     )
-    return join(placed(wheel, position), track), position
+    if mesh.sleepers is None:
+        return join(placed(wheel, position), track), position
+    foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]
+    below = sleepers(foot, **mesh.sleepers.model_dump())
+    return join(placed(wheel, position), track, below), position

@@ -18,10 +18,10 @@ from forms.stability import cell_frequencies
 from meshes.hexmesh import HexMesh
 from meshes.quality import enclosed_volume, scaled_jacobians, volumes
 from meshes.split import edges_of
-from workflow.attachments import connections
 from workflow.bodies import Bodies, step_bound
 from workflow.geometry import domain_of
 from workflow.scene import Scene, SceneError
+from workflow.track import connections
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -18,12 +18,13 @@ from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
 from meshes.domain import Domain
-from workflow.attachments import Supports, attach, connections, dead_load, nodes_of, supports
+from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
 from workflow.bodies import Bodies, step_bound
 from workflow.clock import Clock
 from workflow.geometry import domain_of
 from workflow.scene import Scene
 from workflow.stepping import State
+from workflow.track import connections, end_supports
 
 if TYPE_CHECKING:
     from contact import ContactPair
@@ -190,7 +191,7 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
         strain_energy=CellIntegral(bodies.strain_energy(u)),
         hourglass_energy=CellIntegral(hourglass) if hourglass is not None else None,
         viscosity=InternalForce(-viscous, V, True, precision) if viscous is not None else None,
-        supports=supports(scene.supports, scene, domain),
+        supports=supports([*scene.supports, *end_supports(scene)], scene, domain),
         connections=links,
         placement=placement,
     )

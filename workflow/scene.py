@@ -25,10 +25,9 @@ from workflow.sections import (
     Section,
     Support,
     Time,
-    Track,
-    Vehicle,
     WheelRailMesh,
 )
+from workflow.track_tables import Absorbing, Track, Vehicle
 
 
 class SceneError(ValueError):
@@ -49,6 +48,7 @@ class Scene(Section):
     contacts: dict[str, Contact] = Field(default_factory=dict)
     supports: list[Support] = Field(default_factory=list)
     loads: list[Load] = Field(default_factory=list)
+    absorbing: list[Absorbing] = Field(default_factory=list)
     rolling: Rolling | None = None
     vehicle: Vehicle | None = None
     track: Track | None = None
@@ -143,6 +143,7 @@ class Scene(Section):
         hold = self.equilibrium.hold if self.equilibrium else []
         lists: dict[str, list[Any]]
         lists = {"supports": self.supports, "loads": self.loads, "equilibrium.hold": hold}
+        lists["absorbing"] = self.absorbing
         for key, entries in lists.items():
             for i, entry in enumerate(entries):
                 yield f"{key}.{i}.surface", entry.surface
@@ -150,6 +151,11 @@ class Scene(Section):
             yield "vehicle.journal", self.vehicle.journal
         if self.track:
             yield "track.seat", self.track.seat
+            for key in ("sleeper_top", "sleeper_bottom"):
+                if (name := getattr(self.track, key)) is not None:
+                    yield f"track.{key}", name
+            if self.track.ends != "free":
+                yield "track.end_surface", self.track.end_surface
 
     @staticmethod
     def load(source: str | Path, **changes: Any) -> "Scene":

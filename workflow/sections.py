@@ -10,7 +10,6 @@ from workflow.quantities import (
     Angle,
     Component,
     Count,
-    Damping,
     Delay,
     Density,
     Direction,
@@ -19,7 +18,6 @@ from workflow.quantities import (
     Friction,
     Growth,
     Length,
-    Mass,
     Modulus,
     Position,
     Rate,
@@ -28,7 +26,6 @@ from workflow.quantities import (
     Slope,
     Speed,
     Step,
-    Stiffness,
     Stress,
 )
 
@@ -81,14 +78,22 @@ class CapMesh(Section):
     growth: Growth = 1.2
 
 
+class Sleepers(Section):
+    """Half sleepers under the rail, boxes of a few cells from the track centre outwards.
+
+    ``height`` is that in the middle of the rail seat, ``pad`` the gap between seat and rail.
+    """
+
+    spacing: Length
+    length: Length
+    width: Length
+    height: Length
+    pad: Length
+    cells: tuple[Count, Count, Count] = (2, 6, 1)
+
+
 class WheelRailMesh(Section):
     """A wheelset half on a rail in the track position, fine where it will roll."""
-
-    regions: ClassVar = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
-    surfaces: ClassVar = (
-        *("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin"),
-        *("railhead", "foot_underside", "rail_ends", "rail_skin"),
-    )
 
     kind: Literal["wheel-on-rail"]
     size: Length
@@ -102,6 +107,21 @@ class WheelRailMesh(Section):
     start: Position = 0.3
     flange_gap: Length = 3e-4
     margin: Length = 0.03
+    sleepers: Sleepers | None = None
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions."""
+        own = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
+        return (*own, "sleeper") if self.sleepers else own
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        wheelset = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
+        rail = ("railhead", "foot_underside", "rail_ends", "rail_skin")
+        below = ("sleeper_top", "sleeper_bottom", "sleeper_inner", "sleeper_skin")
+        return (*wheelset, *rail, *(below if self.sleepers else ()))
 
 
 class Isotropic(Section):
@@ -228,28 +248,6 @@ class Rolling(Section):
     def travel(self) -> float:
         """Direction of travel against the rail [rad]; the wheel's own plane unless given."""
         return self.angle_of_attack if self.travel_angle is None else self.travel_angle
-
-
-class Vehicle(Section):
-    """Sprung mass on the vertical primary suspension of one axle box."""
-
-    journal: str
-    sprung_mass: Mass
-    suspension_stiffness: Stiffness
-    suspension_damping: Damping
-
-
-class Track(Section):
-    """Pads, sleepers and ballast under the rail; pads as (longitudinal, lateral, vertical)."""
-
-    seat: str
-    sleeper_spacing: Length
-    seat_length: Length
-    sleeper_mass: Mass
-    pad_stiffness: tuple[Stiffness, Stiffness, Stiffness]
-    pad_damping: tuple[Damping, Damping, Damping]
-    ballast_stiffness: Stiffness
-    ballast_damping: Damping
 
 
 class Equilibrium(Section):

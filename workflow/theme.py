@@ -62,6 +62,7 @@ REGION = {
     Tag.RAIL_HEAD: "#c9843d",
     Tag.RAIL_WEB: "#dfb07a",
     Tag.RAIL_FOOT: "#eed5b2",
+    Tag.SLEEPER: "#b8b5ad",
     Tag.BAR: "#5b8db8",
     Tag.BLOCK: "#5b8db8",
     Tag.SPHERE: "#5b8db8",
