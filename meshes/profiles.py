@@ -9,7 +9,6 @@ mm, everything else in m.
 import json
 from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 MM = 1e-3
+RAILS = {"54E1": "rail_54e1", "60E1": "rail_60e1"}
 CHORD = 0.05 * MM  # spacing of the stored points; Hermite interpolation adds < 1e-12 m
 
 
@@ -102,72 +102,27 @@ def s1002(chamfer: bool = True) -> Profile:
 
 
 def rail_54e1(part: Literal["head", "outline"] = "head") -> Profile:
-    """Return the 54E1 rail profile, upright, with the top of the rail at (0, 0).
+    """Return the 54E1 rail profile, upright, with the top of the rail at (0, 0); see ``rail``."""
+    return rail("54E1", part)
+
+
+def rail(design: str, part: Literal["head", "outline"] = "head") -> Profile:
+    """Return the profile of a standard rail, upright, with the top of the rail at (0, 0).
 
     Args:
+        design: One of ``RAILS``.
         part: ``head`` for the running surface, from the lower end of the gauge-side flank over the
             rail top to that of the field side; ``outline`` for the closed section, clockwise from
             the middle of the rail top.
     """
-    data = drawing("rail_54e1")["segments"]
+    if design not in RAILS:
+        raise ValueError(f"rail design: expected one of {', '.join(RAILS)}, got {design!r}")
+    drawn = drawing(RAILS[design])
+    data = drawn["segments"]
     half = [_segment(segment) for segment in (data[:4] if part == "head" else data)]
     mirrored = [_mirrored(piece) for piece in reversed(half)]
     pieces = [*half, *mirrored] if part == "outline" else [*mirrored, *half]
-    return _joined(pieces, offset=np.array([0.0, -159.0]))
-
-
-def from_csv(path: str | Path, unit: Literal["mm", "m"] = "mm") -> Profile:
-    """Return a user's profile: a text file of lateral and outward coordinate, one point a line.
-
-    Lines that are not two numbers (a header, comments) may only open the file. The curve between
-    the points is a cubic spline over arc length.
-
-    Args:
-        path: File to read; separators comma, semicolon or blank.
-        unit: Unit of the coordinates in the file.
-
-    Raises:
-        FileNotFoundError: if there is no such file.
-        ValueError: if it holds fewer than 4 points, a repeated point, or a curve that meets itself.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"profile {path}: no such file")
-    if unit not in ("mm", "m"):
-        raise ValueError(f"unit: expected 'mm' or 'm', got {unit!r}")
-    points = _rows(path) * (MM if unit == "mm" else 1.0)
-    if len(points) < 4 or not np.isfinite(points).all():
-        raise ValueError(f"profile {path}: expected 4 or more finite points, got {len(points)}")
-    return from_points(points, name=str(path))
-
-
-def from_points(points: Array, *, name: str = "points") -> Profile:
-    """Return the profile through ``points``, shape ``(n, 2)`` [m], as a spline over arc length.
-
-    Raises:
-        ValueError: if points repeat, the curve turns back on itself or meets itself.
-    """
-    from scipy.interpolate import CubicSpline
-
-    step = np.diff(points, axis=0)
-    chord = np.hypot(*step.T)
-    if (chord <= 1e-9).any():
-        raise ValueError(
-            f"profile {name}: point {int(np.argmin(chord)) + 1} repeats the one before"
-        )
-    if (np.sum(step[1:] * step[:-1], axis=1) <= -0.5 * chord[1:] * chord[:-1]).any():
-        raise ValueError(f"profile {name}: arc length is not monotone, the points run backwards")
-    if _meets_itself(points):
-        raise ValueError(f"profile {name}: the curve intersects itself")
-    t = np.concatenate([[0.0], np.cumsum(chord)])
-    spline = CubicSpline(t, points)
-    fine = np.unique(np.concatenate([t, np.linspace(0, t[-1], int(t[-1] / CHORD) + 2)]))
-    first, second = spline(fine, 1), spline(fine, 2)
-    speed = np.hypot(*first.T)
-    s = np.concatenate([[0.0], np.cumsum(np.diff(fine) * (speed[1:] + speed[:-1]) / 2)])
-    curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
-    angles = np.unwrap(np.arctan2(first[:, 1], first[:, 0]))
-    return Profile(s, spline(fine), angles, curvature, s[[0, -1]])
+    return _joined(pieces, offset=np.array([0.0, -drawn["segments"][0]["start"][1]]))
 
 
 def inclined(profile: Profile, slope: float = 1 / 40) -> Profile:
@@ -264,35 +219,3 @@ def _joined(pieces: list[Piece], offset: npt.ArrayLike = (0.0, 0.0)) -> Profile:
 def _sinc(half_turn: Array) -> Array:
     """Return chord over arc for arcs that turn by twice ``half_turn``."""
     return np.sinc(half_turn / np.pi)
-
-
-def _rows(path: Path) -> Array:
-    rows: list[list[float]] = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        words = line.replace(",", " ").replace(";", " ").split()
-        try:
-            rows.append([float(word) for word in words[:2]])
-        except ValueError:
-            if rows:
-                raise ValueError(f"profile {path}: expected two numbers, got {line!r}") from None
-        else:
-            if len(words) < 2:
-                rows.pop()
-    return np.array(rows, dtype=np.float64).reshape(-1, 2)
-
-
-def _meets_itself(points: Array) -> bool:
-    """Tell whether any two chords that are not neighbours cross (all pairs, in blocks)."""
-    a, b = points[:-1], points[1:]
-    n = len(a)
-    for i in range(n - 2):
-        p, q, c, d = a[i], b[i], a[i + 2 :], b[i + 2 :]
-        side = _cross(q - p, c - p) * _cross(q - p, d - p)
-        other = _cross(d - c, p - c) * _cross(d - c, q - c)
-        if ((side < 0) & (other < 0)).any():
-            return True
-    return False
-
-
-def _cross(u: Array, v: Array) -> Array:
-    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

@@ -124,7 +124,9 @@ def levels_for(size: float, *, coarsest: float = 8e-3) -> int:
     return max(1, int(np.ceil(np.log(coarsest / size) / np.log(3) - 1e-9)))
 
 
-def columns_for(length: float, size: float, levels: int, *, curved: bool = False) -> int:
+def columns_for(
+    length: float, size: float, levels: int, *, curved: bool = False, least: int = 1
+) -> int:
     """Return the columns of a piece of profile whose 3:1 refinement makes edges of ``size``.
 
     Args:
@@ -132,12 +134,13 @@ def columns_for(length: float, size: float, levels: int, *, curved: bool = False
         size: Wanted length of edges [m].
         levels: Largest number of refinements.
         curved: Whether the piece is an arc that needs at least 8 edges.
+        least: Smallest number of columns.
     """
     edges = max(length / (LEAST * size), CURVED_EDGES if curved else 1)
     choices = []
     for k in range(1, levels + 1):
         columns = int(np.ceil(edges / 3**k - 1e-9))
-        columns = max(columns, int(np.ceil(length / 16e-3)))
+        columns = max(columns, least, int(np.ceil(length / 16e-3)))
         choices.append((columns * 3**k, columns))
     return min(choices)[1]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Half a wheelset as hexahedra: S1002 rim, curved web, hub and a solid half axle.
+"""Half a wheelset as hexahedra: rim under any profile, web, hub and a solid half axle.
 
 The section is drawn with y along the axle from the tape circle and the radius r outward (in the
 place of z); the sweep coordinate is the angle from the bottom. Hub and axle share their nodes.
@@ -14,7 +14,8 @@ from meshes.placement import RADIUS, TAPE
 from meshes.profiles import MM, Profile, drawing, s1002, shifted
 from meshes.relax import relaxed
 from meshes.section import Section, assembled, coons, spaced, straight
-from meshes.sweep import D, Swept, X, Y, Z, Zone, columns_for, cut, levels_for, refine, revolve
+from meshes.stations import fine_tread, flange_of, stations
+from meshes.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +28,6 @@ RIM_ROWS = 5
 WEB_SPLIT = 0.160  # radius outside of which there are three times as many sectors
 COARSEST = 0.014  # of columns and rows in the unrefined rim
 LEAST_RIM = 0.045  # thickness of the rim under the tape circle
-FIELD = 0.008  # the fine part of the tread ends this far on the field side of the tape circle
 REGIONS = (Tag.TYRE, Tag.WEB, Tag.HUB, Tag.HUB, Tag.HUB, Tag.AXLE)
 
 
@@ -39,11 +39,13 @@ def wheelset(
     radius: float = RADIUS,
     tape: float = TAPE,
     axle: Axle | None = None,
+    profile: Profile | None = None,
+    touch: float | None = None,
 ) -> HexMesh:
     """Return half a wheelset in wheel axes, its tape circle centred at (0, tape, 0).
 
     The axle lies along y; the wheel is fine round its bottom, at z = -radius. The tread tag covers
-    the profile from the flange tip to the chamfer.
+    the profile from the flange tip, or from its start, to its end.
 
     Args:
         size: Length of edges on the running surface of the zone [m].
@@ -52,14 +54,16 @@ def wheelset(
         radius: Radius of the tape circle [m].
         tape: Lateral position of the tape circle [m].
         axle: Measures of the axle.
+        profile: Profile of the wheel, from back to field side; S1002 by default.
+        touch: Arc length of its first touch with the rail [m]; the tread is fine there too.
 
     Raises:
-        ValueError: if the size, zone or design is out of range.
+        ValueError: if the size, zone, design or profile is out of range.
     """
     axle = Axle() if axle is None else axle
     levels = levels_for(size)
     sectors, extra = sectors_for(size, radius, levels)
-    section, first, last = wheel_section(size, levels, design, radius)
+    section, first, last = wheel_section(size, levels, design, radius, profile, touch)
     bore = float(section.points[:, 1].min())
     sweep = revolve(section, sectors)
     swept = with_axle(sweep, axle, bore, tape)
@@ -87,7 +91,14 @@ def sectors_for(size: float, radius: float, levels: int) -> tuple[int, int]:
     return int(np.clip(4 * round(around / 3**extra / 4), 20, 48)), extra
 
 
-def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple[Section, int, int]:
+def wheel_section(
+    size: float,
+    levels: int,
+    design: str,
+    radius: float,
+    profile: Profile | None = None,
+    touch: float | None = None,
+) -> tuple[Section, int, int]:
     """Return the section of rim, web and hub, and the columns that the zone refines.
 
     Args:
@@ -95,6 +106,8 @@ def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple
         levels: Number of 3:1 refinements.
         design: Name of the wheel.
         radius: Radius of the tape circle [m].
+        profile: Profile of the wheel; S1002 by default.
+        touch: Arc length of its first touch with the rail [m].
     """
     designs = drawing("wheel_ns_intercity")["candidates"]
     if design not in designs:
@@ -105,49 +118,48 @@ def wheel_section(size: float, levels: int, design: str, radius: float) -> tuple
             f"radius: expected {wheel['rim_ir'] + LEAST_RIM:.3f} m or more for a rim round "
             f"{wheel['rim_ir']:.3f} m, got {radius}"
         )
-    profile = shifted(s1002(), [0.0, radius])
-    stations, first, last = _stations(profile, size, levels)
+    profile = shifted(s1002() if profile is None else profile, [0.0, radius])
+    flange = flange_of(profile)
+    start = 0.0 if flange is None else flange[0]
+    fine = fine_tread(profile, touch)
+    columns = stations(profile, start, profile.length, fine, size, levels)
     web = _web(wheel)
+    _check_rim(profile, web, float(wheel["rim_ir"]))
     row = min(COARSEST, size * 3**levels)
-    rim = _rim(profile, stations, web, float(wheel["rim_ir"]), row)
-    return (
-        assembled([rim, web, *_hub(wheel, web)], profile, stations, row, upright=UPRIGHT),
-        first,
-        last,
-    )
+    rim = _rim(profile, columns.s, web, float(wheel["rim_ir"]), row)
+    blocks = [rim, web, *_hub(wheel, web)]
+    section = assembled(blocks, profile, columns.s, row, upright=UPRIGHT)
+    return section, columns.first, columns.last
 
 
-def _stations(profile: Profile, size: float, levels: int) -> tuple[Array, int, int]:
-    """Return the columns of the running surface and between which of them the zone is fine."""
-    joints = profile.joints
-    tip = float(joints[1] + 0.55 * (joints[2] - joints[1]))
-    flank = joints[3] - 3e-3
-    inner = float(np.interp(FIELD, profile.points[:, 0], profile.s))
-    pieces = [
-        (tip, flank, 3),
-        (flank, joints[4], columns_for(joints[4] - flank, size, levels)),
-        (joints[4], joints[6], columns_for(joints[6] - joints[4], size, levels, curved=True)),
-        (joints[6], inner, round((inner - joints[6]) / min(COARSEST, size * 3**levels))),
-        (inner, joints[8], 4),
-        (joints[8], joints[9], 1),
-    ]
-    stations = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in pieces])
-    return np.append(stations, joints[9]), 3, sum(n for _, _, n in pieces[:4])
+def _check_rim(profile: Profile, web: Array, inside: float) -> None:
+    """Raise ``ValueError`` where a profile cannot be the outside of the rim."""
+    y, r = profile.points.T
+    low, high = float(web[-1, 0, 0]), float(web[-1, -1, 0])
+    if y[0] > low - 0.01 or y[-1] < high + 0.01:
+        raise ValueError(
+            f"wheel profile: expected a rim from {low - 0.01:.3f} m or less to {high + 0.01:.3f} m "
+            f"or more, 10 mm beyond the web, got {y[0]:.3f} to {y[-1]:.3f} m"
+        )
+    if r.min() < inside + 0.02:
+        raise ValueError(
+            f"wheel profile: expected 20 mm of rim outside {inside:.3f} m, got {r.min():.3f} m"
+        )
 
 
-def _rim(profile: Profile, stations: Array, web: Array, inside: float, row: float) -> Array:
+def _rim(profile: Profile, columns: Array, web: Array, inside: float, row: float) -> Array:
     """Return the block between running surface, rim faces, rim underside and web."""
-    columns = len(stations) - 1 - WEB_COLUMNS
-    back = profile.at(np.linspace(0.0, stations[0], 60))
-    end = profile.at(stations[-1])
+    under_rim = len(columns) - 1 - WEB_COLUMNS
+    back = profile.at(np.linspace(0.0, columns[0], 60 if columns[0] > 0 else 1))
+    end = profile.at(columns[-1])
     left = np.vstack([[back[0, 0], inside], back])
     right = np.array([[end[0], inside], end])
     under = [web[-1, 0], web[-1, -1]]
-    left_under = _filleted(left[0], under[0], columns // 2)
-    right_under = _filleted(right[0], under[1], columns - columns // 2)[::-1]
+    left_under = _filleted(left[0], under[0], under_rim // 2)
+    right_under = _filleted(right[0], under[1], under_rim - under_rim // 2)[::-1]
     bottom = np.vstack([left_under, web[-1, 1:-1], right_under])
     sides = [spaced(edge, 1 - _rows(edge, k * row)) for edge, k in ((left, 1.3), (right, 1.0))]
-    return coons(bottom, sides[1], profile.at(stations), sides[0])
+    return coons(bottom, sides[1], profile.at(columns), sides[0])
 
 
 def _rows(edge: Array, first: float) -> Array:

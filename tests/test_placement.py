@@ -2,8 +2,9 @@
 import numpy as np
 import pytest
 
+from meshes.measured import from_points
 from meshes.placement import lateral_shift_for, outline, place, rail_in_track
-from meshes.profiles import from_points, rail_54e1, s1002, shifted
+from meshes.profiles import rail_54e1, s1002, shifted
 
 
 def cone(slope):

@@ -2,8 +2,9 @@
 import numpy as np
 import pytest
 
+from meshes.measured import from_csv
 from meshes.placement import rail_in_track
-from meshes.profiles import from_csv, inclined, rail_54e1, s1002
+from meshes.profiles import inclined, rail_54e1, s1002
 
 
 def test_s1002_flange():

@@ -132,12 +132,12 @@ def check_profiles(scene: Scene) -> None:
 
 def profile(key: str, name: str) -> Any:
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
-    from meshes import profiles
+    from meshes import measured, profiles
 
     if name in PROFILES:
         return getattr(profiles, PROFILES[name])()
     try:
-        return profiles.from_csv(name)
+        return measured.from_csv(name)
     except (ValueError, OSError) as error:
         expected = f"expected one of {', '.join(PROFILES)} or a CSV file"
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
