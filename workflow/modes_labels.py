@@ -200,10 +200,11 @@ def turned(shapes: Array, modes: list[Mode], found: Waves) -> Array:
             sine, cosine = part[..., c].imag, part[..., c].real
             _, turn = np.linalg.eigh((sine * found.mass) @ sine.T)
             out[[i, j]] = np.einsum("kl,lni->kni", turn.T, shapes[[i, j]])
-            heavy = int(np.argmax(np.abs(turn[:, 0] @ cosine)))
-            if turn[:, 0] @ cosine[:, heavy] < 0:
-                out[i] *= -1
-        else:
+            for row, column, waves_of in ((i, 0, cosine), (j, 1, sine)):
+                heavy = int(np.argmax(np.abs(turn[:, column] @ waves_of)))
+                if turn[:, column] @ waves_of[:, heavy] < 0:
+                    out[row] *= -1
+        elif not (mode.partner and mode.split < EVEN):  # type: ignore[operator]
             flat = out[i].ravel()
             if flat[np.argmax(np.abs(flat))] < 0:
                 out[i] *= -1
