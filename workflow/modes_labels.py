@@ -112,9 +112,10 @@ def waves(y: Array, r: Array, angle: Array, mass: Array, shapes: Array) -> Waves
     patches = patched(y, r)
     coefficients = np.zeros((len(shapes), len(patches), 3, ORDERS + 1), dtype=complex)
     for p, nodes in enumerate(patches):
-        # more waves than half the angles would fit anything
-        apart = len(np.unique(np.round(angle[nodes], 6)))
-        orders = np.arange(min(ORDERS, max(0, (apart - 1) // 2)) + 1)
+        # shorter waves than two of the widest gap would fit anything
+        around = np.unique(np.round(angle[nodes], 6))
+        gap = np.diff(around, append=around[0] + 2 * np.pi).max()
+        orders = np.arange(min(ORDERS, int(np.ceil(np.pi / gap - 1e-3)) - 1) + 1)
         phase = np.outer(angle[nodes], orders)
         basis = np.hstack([np.cos(phase), np.sin(phase[:, 1:])])
         root = np.sqrt(mass[nodes])[:, None]

@@ -165,8 +165,10 @@ def held_dofs(part: Part) -> npt.NDArray[np.int32]:
     if part.held == "free":
         return np.zeros(0, dtype=np.int32)
     if part.held == "supports":
-        # the scene's supports may name surfaces of its other bodies, which are not in this mesh
-        found = supports(part.scene.supports, part.scene, domain)
+        # a support may be on a surface of another body, which is not in this mesh
+        mesh = domain.source
+        here = [s for s in part.scene.supports if len(mesh.surface(mesh.tag(s.surface)))]
+        found = supports(here, part.scene, domain)
         groups = list(zip(found.dofs, found.directions, strict=True))
         if any(np.count_nonzero(np.abs(n) > 1e-12) > 1 for _, n in groups):
             raise SceneError(
