@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from meshes.measured import from_points
-from meshes.placement import lateral_shift_for, outline, place, rail_in_track
+from meshes.outline import gap_function, outline
+from meshes.placement import lateral_shift_for, place, placed, rail_in_track
 from meshes.profiles import rail_54e1, s1002, shifted
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Wheel on rail in the track position, as placed before any load: whole, at the tread, at the gap.
+"""Wheel on rail as placed before any load: whole, at the tread, at the flange, and their gap.
 
 The wheel is drawn by the points of it that can touch the rail, seen along the rail: a yawed flange
 comes ahead of the tread and reaches further than a section of it shows.
@@ -17,64 +17,87 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from meshes.outline import Gap
+    from meshes.placement import Placement
+    from meshes.profiles import Profile
+
 MM = 1e3
 SPACING = 5e-5  # of the points of the wheel's outline [m]
 STEEPEST = 0.5  # cosine of the circumferential angle beyond which the outline is left out
+TALLEST = 3.0  # of the gap that is drawn [mm]
 WINDOWS = (0.060, 0.006, 0.003)  # half widths of the three panels [m]
 
 
 def placement(record: Record) -> "Figure | None":
-    """Outlines of wheel and rail in the track, with windows on tread contact and flange gap."""
+    """Outlines of wheel and rail in the track, windows on tread and flange, and the gap between."""
     if not record.wheel_on_rail:
         return None
+    from meshes.outline import gap_function
     from meshes.placement import rail_in_track
-    from workflow.geometry import placement_of
+    from workflow.geometry import placement_of, profiles_of
     from workflow.scene import Scene
+    from workflow.sections import WheelRailMesh
 
     scene = Scene.check(record.scene)
-    at, mesh = placement_of(scene), record.scene["mesh"]
-    rail = rail_in_track(inclination=mesh["inclination"], gauge=mesh["gauge"])
-    wheel = trace(at, mesh["wheel_radius"])
-    tread, flange = at.tread_point[1:], at.flange_point[1:]
-    nearest = rail.at(at.flange_rail_s)
-    fig = theme.figure(theme.PAGE, 2.95)
-    panels = fig.subplots(1, 3)
-    centres = (tread + np.array([0.010, 0.0]), tread, (flange + nearest) / 2)
-    titles = ("in the track, no load", "tread contact", "flange gap")
-    for axes, mark, title, centre, half in zip(
-        panels, "abc", titles, centres, WINDOWS, strict=True
-    ):
-        outlines(axes, wheel, rail.points, centre, half)
-        theme.letter(axes, mark, title)
-    _window(panels[0], tread, "b", theme.PATCH[1], WINDOWS[1])
-    _window(panels[0], centres[2], "c", theme.PATCH[2], WINDOWS[2])
-    panels[0].set_ylabel("height z [mm]")
-    panels[1].plot(*tread * MM, "o", color=theme.PATCH[1], ms=4)
-    panels[2].plot(*np.array([flange, nearest]).T * MM, "o-", color=theme.PATCH[2], ms=3)
-    said = (
-        f"contact angle {np.degrees(at.tread_angle):.1f}°\nradius {at.rolling_radius * MM:.1f} mm"
+    at, mesh = placement_of(scene), scene.mesh
+    assert isinstance(mesh, WheelRailMesh)
+    wheel, head, _ = profiles_of(mesh)
+    rail = rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+    gap = gap_function(
+        wheel, rail, at.centre, radius=mesh.wheel_radius, yaw=at.yaw, spacing=SPACING
     )
-    _note(panels[1], said, theme.PATCH[1])
-    said = f"gap {at.flange_gap * MM:.2f} mm\nangle {np.degrees(at.flange_angle):.1f}°"
-    ahead = (at.flange_point[0] - at.tread_point[0]) * MM
-    _note(panels[2], f"{said}\n{ahead:.1f} mm ahead of b", theme.PATCH[2])
-    said = f"yaw {at.yaw * 1e3:.0f} mrad\nshift {at.shift * MM:.2f} mm"
-    _note(panels[0], said, theme.INK)
+    fig = theme.figure(theme.PAGE, 4.9)
+    parts: Any = fig.subfigures(2, 1, height_ratios=(1.25, 1.0))
+    kept = gap.points[:, 2] < at.centre[2] - STEEPEST * (mesh.wheel_radius + wheel.at(gap.s)[:, 1])
+    _windows(parts[0], at, gap.points[kept, 1:], rail)
+    _gap(parts[1].subplots(), at, gap)
     _legend(fig)
     return fig
 
 
-def trace(at: Any, radius: float) -> Array:
-    """Return the outline of the wheel seen along the rail, (y, z), shape ``(n, 2)`` [m]."""
-    from meshes.placement import outline
-    from meshes.profiles import s1002
+def _windows(part: Any, at: "Placement", wheel: Array, rail: "Profile") -> None:
+    tread = at.tread_point[1:]
+    panels = part.subplots(1, 2 if at.flange_point is None else 3)
+    views = [(tread + np.array([0.010, 0.0]), "in the track, no load")]
+    views.append((tread, "tread contact"))
+    if at.flange_point is not None:
+        nearest = rail.at(at.flange_rail_s or 0.0)
+        views.append(((at.flange_point[1:] + nearest) / 2, "flange gap"))
+    for axes, mark, (centre, title), half in zip(panels, "abc", views, WINDOWS, strict=False):
+        outlines(axes, wheel, rail.points, centre, half)
+        theme.letter(axes, mark, title)
+    panels[0].set_ylabel("height z [mm]")
+    panels[1].plot(*tread * MM, "o", color=theme.PATCH[1], ms=4)
+    _window(panels[0], tread, "b", theme.PATCH[1], WINDOWS[1])
+    said = f"contact angle {np.degrees(at.tread_angle):.1f}°"
+    _note(panels[1], f"{said}\nradius {at.rolling_radius * MM:.1f} mm", theme.PATCH[1])
+    _note(panels[0], f"yaw {at.yaw * 1e3:.0f} mrad\nshift {at.shift * MM:.2f} mm", theme.INK)
+    if at.flange_point is None or at.flange_gap is None or at.flange_angle is None:
+        return
+    ends = np.array([at.flange_point[1:], nearest])
+    panels[2].plot(*ends.T * MM, "o-", color=theme.PATCH[2], ms=3)
+    _window(panels[0], views[2][0], "c", theme.PATCH[2], WINDOWS[2])
+    said = f"gap {at.flange_gap * MM:.2f} mm\nangle {np.degrees(at.flange_angle):.1f}°"
+    ahead = (at.flange_point[0] - at.tread_point[0]) * MM
+    _note(panels[2], f"{said}\n{ahead:.1f} mm ahead of b", theme.PATCH[2])
 
-    wheel = s1002()
-    s = np.arange(0, wheel.length, SPACING)
-    points = outline(wheel, s, radius, at.yaw)
-    with np.errstate(invalid="ignore"):
-        kept = -points[:, 2] > STEEPEST * (radius + wheel.at(s)[:, 1])
-    return np.asarray((points[kept] + at.centre)[:, 1:])
+
+def _gap(axes: "Axes", at: "Placement", gap: "Gap") -> None:
+    """Draw the gap function: height over the rail and normal distance against lateral position."""
+    y = gap.points[:, 1] * MM
+    near = np.isfinite(gap.vertical)
+    axes.plot(y[near], gap.vertical[near] * MM, color=theme.INK, lw=1.2, label="vertical")
+    axes.plot(y[near], gap.normal[near] * MM, "--", color=theme.INK, lw=0.9, label="normal")
+    axes.axvline(at.tread_point[1] * MM, color=theme.PATCH[1], lw=0.8)
+    axes.plot(at.tread_point[1] * MM, 0.0, "o", color=theme.PATCH[1], ms=4, label="tread contact")
+    if at.flange_point is not None and at.flange_gap is not None:
+        axes.axvline(at.flange_point[1] * MM, color=theme.PATCH[2], lw=0.8)
+        point = at.flange_point[1] * MM, at.flange_gap * MM
+        axes.plot(*point, "o", color=theme.PATCH[2], ms=4, label="flange")
+    axes.set(xlim=(y[near].min(), y[near].max()), ylim=(-0.15, TALLEST))
+    axes.set(xlabel="lateral y [mm]", ylabel="gap [mm]")
+    axes.legend(loc="upper right", ncols=2)
+    theme.letter(axes, "c" if at.flange_point is None else "d", "gap between wheel and rail")
 
 
 def outlines(axes: "Axes", wheel: Array, rail: Array, centre: Array, half: float) -> None:

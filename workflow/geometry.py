@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -16,7 +16,10 @@ from workflow.file_mesh import FileMesh
 from workflow.scene import Scene, SceneError
 from workflow.sections import BarMesh, BlocksMesh, CapMesh, WheelRailMesh
 
-PROFILES = {"S1002": "s1002", "54E1": "rail_54e1"}
+if TYPE_CHECKING:
+    from meshes.measured import Kind
+    from meshes.placement import Placement
+    from meshes.profiles import Profile
 
 
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
@@ -120,54 +123,78 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
 
 
 def check_profiles(scene: Scene) -> None:
-    """Read the profiles that a scene names, without meshing.
+    """Read the profiles that a scene names and place the wheel on the rail, without meshing.
 
     Raises:
-        SceneError: naming the key of a profile that is missing or cannot be used.
+        SceneError: naming the key of a profile or position that is missing or cannot be used.
     """
     if isinstance(scene.mesh, WheelRailMesh):
-        profile("mesh.wheel_profile", scene.mesh.wheel_profile)
-        profile("mesh.rail_profile", scene.mesh.rail_profile)
+        placement_of(scene)
 
 
-def profile(key: str, name: str) -> Any:
+def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "Profile":
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
     from meshes import measured, profiles
 
-    if name in PROFILES:
-        return getattr(profiles, PROFILES[name])()
+    built_in = {"wheel": {"S1002": profiles.s1002}, "rail": dict.fromkeys(profiles.RAILS)}[kind]
+    if name in built_in:
+        return profiles.s1002() if kind == "wheel" else profiles.rail(name)
     try:
-        return measured.from_csv(name)
+        return measured.from_csv(name, kind=kind, smoothing=smoothing)
     except (ValueError, OSError) as error:
-        expected = f"expected one of {', '.join(PROFILES)} or a CSV file"
+        expected = f"expected one of {', '.join(built_in)} or a CSV file"
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
 
 
-def placement_of(scene: Scene) -> Any:
-    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
+def profiles_of(mesh: WheelRailMesh) -> "tuple[Profile, Profile, str]":
+    """Return wheel profile, rail head with its sides, and the rail whose web and foot it gets.
 
     Raises:
-        SceneError: if a profile cannot be used.
-        ValueError: if no lateral position leaves the flange gap of the scene.
+        SceneError: naming the key of a profile that cannot be used.
+    """
+    from meshes.profiles import RAILS
+    from meshes.rail_section import completed
+
+    wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
+    head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
+    base = mesh.rail_profile if mesh.rail_profile in RAILS else mesh.rail_base
+    try:
+        return wheel, completed(head, base), base
+    except ValueError as error:
+        raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
+
+
+def placement_of(scene: Scene) -> "Placement":
+    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
+
+    With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.
+
+    Raises:
+        SceneError: if a profile cannot be used or no lateral position leaves the flange gap.
     """
     from meshes import placement
+    from meshes.stations import flange_of
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
-    for key in ("wheel_profile", "rail_profile"):
-        name = getattr(mesh, key)
-        outline = profile(f"mesh.{key}", name)
-        if name not in PROFILES:
-            raise SceneError(
-                f"mesh.{key} = {name!r}: a profile of {outline.length * 1e3:.0f} mm, but only "
-                f"{', '.join(PROFILES)} can be meshed so far"
+    wheel, head, _ = profiles_of(mesh)
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    shift = mesh.lateral_shift
+    if shift is None and flange_of(wheel) is None:
+        shift = 0.0
+    key = f"mesh.flange_gap = {mesh.flange_gap}" if shift is None else f"lateral shift {shift}"
+    try:
+        rail = placement.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        if shift is None:
+            return placement.lateral_shift_for(
+                wheel, rail, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
             )
-    return placement.lateral_shift_for(
-        rail=placement.rail_in_track(inclination=mesh.inclination, gauge=mesh.gauge),
-        flange_gap=mesh.flange_gap,
-        radius=mesh.wheel_radius,
-        yaw=scene.rolling.angle_of_attack if scene.rolling else 0.0,
-    )
+        return placement.place(wheel, rail, radius=mesh.wheel_radius, shift=shift, yaw=yaw)
+    except ValueError as error:
+        raise SceneError(
+            f"{key} with mesh.wheel_profile = {mesh.wheel_profile!r} on mesh.rail_profile = "
+            f"{mesh.rail_profile!r}: {error}"
+        ) from None
 
 
 def cached_wheel_on_rail(
@@ -192,7 +219,15 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     position = placement_of(scene)
     zone = rolling_zone(scene)
     start = mesh.start
-    wheel = wheelset(size=mesh.size, zone=zone, design=mesh.wheel_design, radius=mesh.wheel_radius)
+    tread, head, base = profiles_of(mesh)
+    wheel = wheelset(
+        size=mesh.size,
+        zone=zone,
+        design=mesh.wheel_design,
+        radius=mesh.wheel_radius,
+        profile=tread,
+        touch=position.tread_s,
+    )
     track = rail(
         mesh.rail_length,
         -mesh.rail_length / 2 - start,
@@ -200,6 +235,9 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         zone=zone,
         inclination=mesh.inclination,
         gauge=mesh.gauge,
+        profile=head,
+        design=base,
+        touch=position.tread_rail_s,
     )
     if mesh.sleepers is None:
         return join(placed(wheel, position), track), position

@@ -12,6 +12,7 @@ def _number(unit: str, **limits: Any) -> Any:
 
 
 Length = Annotated[float, _number("m", gt=0)]
+Distance = Annotated[float, _number("m", ge=0)]
 Position = Annotated[float, _number("m")]
 Angle = Annotated[float, _number("rad", ge=-0.2, le=0.2)]
 Slope = Annotated[float, _number("-", ge=0, le=0.2)]

@@ -2,9 +2,10 @@
 """The tables that a scene is made of: shapes, bodies, contacts, supports, loads, motion, time."""
 
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator
 
 from workflow.quantities import (
     Angle,
@@ -13,6 +14,7 @@ from workflow.quantities import (
     Delay,
     Density,
     Direction,
+    Distance,
     Duration,
     Factor,
     Friction,
@@ -93,12 +95,18 @@ class Sleepers(Section):
 
 
 class WheelRailMesh(Section):
-    """A wheelset half on a rail in the track position, fine where it will roll."""
+    """A wheelset half on a rail in the track position, fine where it will roll.
+
+    A profile is the name of a built-in one or of a CSV file; a rail head from a file is joined to
+    web and foot of ``rail_base``. ``lateral_shift``, if given, takes the place of ``flange_gap``.
+    """
 
     kind: Literal["wheel-on-rail"]
     size: Length
     wheel_profile: str = "S1002"
     rail_profile: str = "54E1"
+    rail_base: Literal["54E1", "60E1"] = "54E1"
+    profile_smoothing: Distance = 0.0
     wheel_design: str = "D_curved_web"
     wheel_radius: Length = 0.46
     inclination: Slope = 1 / 40
@@ -106,8 +114,15 @@ class WheelRailMesh(Section):
     rail_length: Length = 10.0
     start: Position = 0.3
     flange_gap: Length = 3e-4
+    lateral_shift: Position | None = None
     margin: Length = 0.03
     sleepers: Sleepers | None = None
+
+    @field_validator("wheel_profile", "rail_profile")
+    @classmethod
+    def _absolute(cls, name: str) -> str:
+        """Name a file so that a result's scene.toml runs again from anywhere."""
+        return str(Path(name).absolute()) if Path(name).is_file() else name
 
     @property
     def regions(self) -> tuple[str, ...]:
