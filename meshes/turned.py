@@ -13,17 +13,23 @@ from meshes.hexmesh import HexMesh, boundary
 from meshes.placement import RADIUS
 from meshes.profiles import MM, Profile, drawing, s1002, shifted
 from meshes.section import Section, assembled, coons, spaced, straight
+from meshes.stations import flange_of
 from meshes.sweep import D, X, Y, Z, revolve
 from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]
 
+LEAST_RIM = 0.045  # thickness of the rim under the tape circle
 ARC = 1.6  # cells at the rim are so many times longer than in the section
 REGIONS = (Tag.TYRE, Tag.WEB, Tag.HUB, Tag.HUB, Tag.HUB)
 
 
 def turned_wheel(
-    *, size: float = 8e-3, design: str = "D_curved_web", radius: float = RADIUS
+    *,
+    size: float = 8e-3,
+    design: str = "D_curved_web",
+    radius: float = RADIUS,
+    profile: Profile | None = None,
 ) -> HexMesh:
     """Return a wheel of revolution; its bore carries the tag ``WHEEL_BORE``.
 
@@ -31,9 +37,10 @@ def turned_wheel(
         size: Length of edges in the section [m].
         design: Wheel of ``wheel_ns_intercity.json``.
         radius: Radius of the tape circle [m].
+        profile: Profile of the wheel, from back to field side; S1002 by default.
 
     Raises:
-        ValueError: if the size or design is out of range.
+        ValueError: if the size, radius or design is out of range.
     """
     designs = drawing("wheel_ns_intercity")["candidates"]
     if design not in designs:
@@ -41,8 +48,14 @@ def turned_wheel(
     if not 2e-3 <= size <= 20e-3:
         raise ValueError(f"size: expected 2e-3 to 20e-3 m, got {size}")
     wheel = {key: np.array(value) * MM for key, value in designs[design].items()}
+    if radius < wheel["rim_ir"] + LEAST_RIM:
+        raise ValueError(
+            f"radius: expected {wheel['rim_ir'] + LEAST_RIM:.3f} m or more for a rim round "
+            f"{wheel['rim_ir']:.3f} m, got {radius}"
+        )
     bore = float(wheel["bore"])
-    section = turned_section(wheel, shifted(s1002(), [0.0, radius]), size)
+    running = shifted(s1002() if profile is None else profile, [0.0, radius])
+    section = turned_section(wheel, running, size)
     sectors = 4 * round(2 * np.pi * radius / (ARC * size) / 4)
     swept = revolve(section, sectors)
     facets = boundary(swept.cells)
@@ -94,16 +107,16 @@ def web_block(wheel: dict[str, Array], size: float) -> Array:
 
 def _rim(profile: Profile, web: Array, inside: float, size: float) -> tuple[Array, Array]:
     """Return the block between running surface and web, and its columns on the surface [m]."""
-    joints = profile.joints
-    tip = float(joints[1] + 0.55 * (joints[2] - joints[1]))
-    back, end = profile.at(np.linspace(0.0, tip, 60)), profile.at(joints[9])
+    flange = flange_of(profile)
+    tip = 0.0 if flange is None else flange[0]
+    back, end = profile.at(np.linspace(0.0, tip, 60 if tip else 1)), profile.at(profile.length)
     left = np.vstack([[back[0, 0], inside], back])
     right = np.array([[end[0], inside], end])
     ends, across = (web[-1, 0], web[-1, -1]), web.shape[1] - 1
     sides = [_count(abs(c[0] - e[0]), size) for c, e in zip((left[0], right[0]), ends, strict=True)]
     under = [_filleted(c, e, n) for c, e, n in zip((left[0], right[0]), ends, sides, strict=True)]
     bottom = np.vstack([under[0], web[-1, 1:-1], under[1][::-1]])
-    stations = np.linspace(tip, joints[9], across + sum(sides) + 1)
+    stations = np.linspace(tip, profile.length, across + sum(sides) + 1)
     rows = _count(0.5 * (_length(left) + _length(right)), size)
     edges = [spaced(side, np.linspace(0, 1, rows + 1)) for side in (left, right)]
     return coons(bottom, edges[1], profile.at(stations), edges[0]), stations

@@ -50,6 +50,17 @@ def test_nodal_diameters_and_circles(rings, n, m):
     assert found[0].purity > (0.99 if rings else 0.95)  # masses are uneven by half
 
 
+def test_few_nodes_do_not_take_a_wave_for_a_shorter_one():
+    """20 even nodes with 30 more in a short arc, as under a fine tread: n = 3, not an alias."""
+    angle = np.concatenate([2 * np.pi * np.arange(20) / 20, np.linspace(-0.12, 0.12, 30)])
+    r = np.linspace(0.1, 0.4, 40) + 1e-5 * np.random.default_rng(1).normal(size=(50, 40))
+    at = np.column_stack([r.ravel(), np.repeat(angle, 40)])
+    shape = np.zeros((1, len(at), 3))
+    shape[0, :, 1] = at[:, 0] * np.cos(3 * at[:, 1])
+    found, _ = labelled(np.array([100.0]), shape, placed(at), np.ones(len(at)), AXLE)
+    assert found[0].diameters == 3
+
+
 @pytest.mark.parametrize(("kind", "axis"), [("radial", 0), ("circumferential", 1)])
 def test_direction_of_motion(kind, axis):
     """Radial and circumferential motion are told apart, with all the kinetic energy."""

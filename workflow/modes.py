@@ -23,11 +23,12 @@ from meshes.tags import Tag
 from workflow.bodies import Bodies
 from workflow.fields import write_mesh
 from workflow.modes_labels import Mode, cylindrical, labelled
-from workflow.modes_part import WHEEL, Part, held_dofs, part_of
+from workflow.modes_part import BORE, WHEEL, Part, held_dofs, part_of
 from workflow.modes_solve import nodal_mass, spectrum, stiffness
 from workflow.results import gather
 from workflow.running import checked
 from workflow.scene import Scene, SceneError
+from workflow.sections import WheelRailMesh
 
 Array = npt.NDArray[np.float64]
 
@@ -169,20 +170,19 @@ def fourier(part: Part) -> list[tuple[int, float, str]]:
     """
     mesh = part.scene.mesh
     body = next(iter(part.scene.bodies.values()))
-    steel = (
-        getattr(body.material, "youngs_modulus", None),
-        getattr(body.material, "poisson_ratio", None),
-    )
-    if part.name != WHEEL or part.held != "wheel_bore" or mesh.wheel_radius != 0.46:  # type: ignore[union-attr]
+    if part.name != WHEEL or part.held != BORE or not isinstance(mesh, WheelRailMesh):
         return []
+    steel = [getattr(body.material, k, None) for k in ("youngs_modulus", "poisson_ratio")]
     if (*steel, body.material.density) != (210e9, 0.3, 7800.0):
+        return []
+    if (mesh.wheel_radius, mesh.wheel_profile) != (0.46, "S1002"):
         return []
     text = (resources.files("workflow") / "data" / FOURIER).read_text("utf-8")
     rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
     return [
         (int(row["nodal_diameters_n"]), float(row["f_Hz"]), row["dominant_rim_motion"])
         for row in rows
-        if row["candidate"] == mesh.wheel_design  # type: ignore[union-attr]
+        if row["candidate"] == mesh.wheel_design
     ]
 
 

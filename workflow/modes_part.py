@@ -13,7 +13,7 @@ from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from workflow.attachments import axle, supports, surface_nodes
 from workflow.file_mesh import FileMesh
-from workflow.geometry import mesh_of, placement_of
+from workflow.geometry import mesh_of, placement_of, profile
 from workflow.scene import Scene, SceneError
 from workflow.sections import WheelRailMesh
 
@@ -118,11 +118,10 @@ def wheel_alone(scene: Scene, size: float) -> HexMesh:
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
-    if mesh.wheel_profile != "S1002":
-        raise SceneError(
-            f"mesh.wheel_profile = {mesh.wheel_profile!r}: only S1002 can be meshed so far"
-        )
-    return turned_wheel(size=size, design=mesh.wheel_design, radius=mesh.wheel_radius)
+    outside = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
+    return turned_wheel(
+        size=size, design=mesh.wheel_design, radius=mesh.wheel_radius, profile=outside
+    )
 
 
 def cut_out(mesh: HexMesh, regions: tuple[int, ...]) -> HexMesh:
