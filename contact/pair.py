@@ -163,9 +163,14 @@ class ContactPair:
     def _apply_law(self, m: int, t: float) -> None:
         h = self.history
         c = h.touching[:m]
-        state = LawState(t, self.dt, self.contactor.nodes[c], h.friction[c])
-        rate = np.linalg.norm(h.slip[c], axis=1) / self.dt
-        value = coefficients(self.law, rate, h.pressing[c] / self.area[c], state)
+        slip = h.slip.take(c, axis=0)
+        rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
+        pressure = h.pressing.take(c) / self.area.take(c)
+        state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
+        try:
+            value = coefficients(self.law, rate, pressure, state)
+        except ValueError as error:
+            raise RuntimeError(f"contact pair {self.name}: {error}") from error
         h.friction[self.near.item] = np.nan
         h.friction[c] = value
 
