@@ -20,6 +20,7 @@ class Tag(IntEnum):
     BLOCK = 21
     BASE = 22
     SPHERE = 23
+    ROLLER = 24  # the upper of two curved bodies
 
     # surfaces
     TREAD = 101  # running surface of the wheel, tread and flange
@@ -38,7 +39,7 @@ class Tag(IntEnum):
     YMAX = 114
     ZMIN = 115
     ZMAX = 116
-    CAP = 117  # curved surface of a sphere
+    CAP = 117  # curved surface of a sphere or roller
     BLOCK_BOTTOM = 118
     BLOCK_TOP = 119
     BASE_BOTTOM = 120

@@ -61,8 +61,8 @@ class Ledger:
             self.internal_start = sum(self._elastic())
         energy = self._now()
         if self.start is None:
-            self.start = energy
-            self.ride = energy.kinetic if self.model.scene.rolling else 0.0
+            self.start, scene = energy, self.model.scene
+            self.ride = energy.kinetic if scene.rolling or scene.driven else 0.0
         self.reference = max(self.reference, exchanged(energy, self.ride))
         error = energy.total - self.start.total
         if blown_up(energy, self.start):
@@ -99,6 +99,8 @@ class Ledger:
         work = m.dead.work(u)
         if m.drive is not None:
             work += comm.allreduce(m.drive.work)
+        if m.drives is not None:
+            work += comm.allreduce(m.drives.work)
         pairs = m.pairs.values()
         return Energy(
             kinetic=float(kinetic),

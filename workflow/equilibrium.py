@@ -82,9 +82,9 @@ def newton(
     state, n = model.state, 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
     du.array[:] = 0.0
-    scale = load_size(model, extra)
     for iteration in range(settings.max_iterations + 1):
         residual = out_of_balance(model, extra)
+        scale = load_size(model, extra)
         residual.array[solver.held] = 0.0
         own = residual.array[:n]
         # numpy, not PETSc, whose norms are remembered while the array changes beneath
@@ -127,6 +127,9 @@ def load_size(model: Model, extra: Array) -> float:
     if model.connections is not None:
         masses = model.connections.masses
         square += float(((masses.mass[:, None] * masses.gravity) ** 2).sum())
+    if square == 0.0:
+        # driven bodies are pressed together by their approach: the scale is the contact force
+        return float(sum(np.linalg.norm(p.normal_resultant) for p in model.pairs.values()))
     return float(np.sqrt(square))
 
 

@@ -14,7 +14,7 @@ from meshes.hexmesh import HexMesh, join
 from meshes.tags import Tag
 from workflow.file_mesh import FileMesh
 from workflow.scene import Scene, SceneError
-from workflow.sections import BarMesh, BlocksMesh, CapMesh, WheelRailMesh
+from workflow.sections import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
 
 if TYPE_CHECKING:
     from meshes.measured import Kind
@@ -76,6 +76,8 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
     if isinstance(mesh, BlocksMesh):
         return block_on_base(mesh), None
+    if isinstance(mesh, CurvedMesh):
+        return curved_on_curved(mesh), None
     assert isinstance(mesh, CapMesh)
     cap = blocks.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
     return join(cap, blocks.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
@@ -101,6 +103,21 @@ def block_on_base(mesh: BlocksMesh) -> HexMesh:
         surfaces=blocks.BASE_FACES,
     )
     return join(upper, lower)
+
+
+def curved_on_curved(mesh: CurvedMesh) -> HexMesh:
+    """Return two curved bodies that touch at the origin."""
+    from meshes import caps
+
+    fine = mesh.fine_y or mesh.y
+    shape = (mesh.x, mesh.y, mesh.fine_x, fine)
+    upper = caps.Footing(*shape, mesh.height, mesh.size, mesh.growth, mesh.layers)
+    lower = caps.Footing(*shape, mesh.depth, mesh.base_size or mesh.size, mesh.growth, mesh.layers)
+    base = caps.below(lower, radius=mesh.base_radius, crown=mesh.base_crown)
+    if mesh.rolls:
+        assert mesh.radius is not None
+        return join(caps.roller(upper, radius=mesh.radius, crown=mesh.crown), base)
+    return join(caps.cap(upper, radius=mesh.radius, crown=mesh.crown), base)
 
 
 def rolling_zone(scene: Scene) -> tuple[float, float]:

@@ -28,6 +28,7 @@ from workflow.track import connections, end_supports
 
 if TYPE_CHECKING:
     from contact import ContactPair
+    from workflow.driven import Hold
 
 Array = npt.NDArray[np.float64]
 
@@ -67,6 +68,7 @@ class Model:
     connections: Connections | None = None
     damping: MassDamping | None = None
     drive: DriveTorque | None = None
+    drives: "Hold | None" = None
     placement: Any = None
 
     @property
@@ -172,6 +174,7 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
     damped = any(b.stiffness_damping for b in scene.bodies.values())
     hourglass, viscous = bodies.hourglass_energy(u), bodies.viscous_work(u, v, w)
     links = connections(scene, domain)
+    held = [*scene.supports, *end_supports(scene), *(d.support for d in scene.driven.values())]
     bound = step_bound(bodies, mass.array, links, log)
     # outputs fall on steps
     per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
@@ -191,7 +194,7 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
         strain_energy=CellIntegral(bodies.strain_energy(u)),
         hourglass_energy=CellIntegral(hourglass) if hourglass is not None else None,
         viscosity=InternalForce(-viscous, V, True, precision) if viscous is not None else None,
-        supports=supports([*scene.supports, *end_supports(scene)], scene, domain),
+        supports=supports(held, scene, domain),
         connections=links,
         placement=placement,
     )

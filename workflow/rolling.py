@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The start of rolling: spin and travel of the wheelset, as close to steady as known beforehand."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def start(model: Model) -> None:
     x = model.domain.V.tabulate_dof_coordinates()
     v = state.v.x.array.reshape(-1, 3)
     if rolling.steady_start:
-        v[: model.domain.owned] += convected(model, V, omega, centre)
+        v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
     dofs = model.body_dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
@@ -75,28 +76,33 @@ def start(model: Model) -> None:
         model.drive = drive(model, load, model.placement.rolling_radius)
 
 
-def convected(model: Model, V: Array, omega: Array, centre: Array) -> Array:
+def flow(model: Model, V: Array, omega: Array, centre: Array) -> dict[str, Any]:
+    """Velocity of each body's material through the pattern of deformation, as UFL vectors.
+
+    ``ω × χ`` in the wheelset, ``-V`` in all other bodies.
+    """
+    rolling, x = model.scene.rolling, ufl.SpatialCoordinate(model.domain.msh)
+    assert rolling is not None
+    arm = x - ufl.as_vector([float(c) for c in centre])
+    flows = dict.fromkeys(model.scene.bodies, ufl.as_vector([-float(c) for c in V]))
+    return flows | {rolling.body: ufl.cross(ufl.as_vector([float(c) for c in omega]), arm)}
+
+
+def convected(model: Model, flows: Mapping[str, Any]) -> Array:
     """Nodal ``∇w · flow`` by lumped projection, shape ``(owned, 3)`` [m/s].
 
-    ``flow`` is the velocity of the material through the pattern: ``ω × χ`` in the wheelset,
-    ``-V`` in all other bodies.
+    Args:
+        model: The model at rest, with the displacement w.
+        flows: Velocity of the material through the pattern by body name; the others are left out.
     """
     scene, domain = model.scene, model.domain
-    x, w = ufl.SpatialCoordinate(domain.msh), ufl.TestFunction(domain.V)
+    w = ufl.TestFunction(domain.V)
     dx = full(domain.msh, domain.regions)
-
-    def flow(body: str) -> Any:
-        if body != scene.rolling.body:  # type: ignore[union-attr]
-            return ufl.as_vector([-float(c) for c in V])
-        return ufl.cross(
-            ufl.as_vector([float(c) for c in omega]), x - ufl.as_vector([float(c) for c in centre])
-        )
-
     form = sum(
-        body.material.density
-        * ufl.inner(ufl.grad(model.state.u) * flow(name), w)
-        * dx(model.bodies.tags(body))
-        for name, body in scene.bodies.items()
+        scene.bodies[name].material.density
+        * ufl.inner(ufl.grad(model.state.u) * velocity, w)
+        * dx(model.bodies.tags(scene.bodies[name]))
+        for name, velocity in flows.items()
     )
     out = la.vector(domain.V.dofmap.index_map, 3)
     out.array[:] = 0.0

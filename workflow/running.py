@@ -148,6 +148,10 @@ def start(model: Model, log: Callable[[str], Any]) -> None:
         from workflow import rolling
 
         rolling.start(model)
+    if scene.driven:
+        from workflow import driven
+
+        driven.start(model)
     model.state.v.x.scatter_forward()
 
 
@@ -170,7 +174,7 @@ def steps(
         state,
         model.mass.petsc_vec,
         loads,
-        model.supports,
+        model.drives or model.supports,
         model.dt,
         last * model.dt,
         points,

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, model_validator
 
 from workflow.file_mesh import FileMesh
+from workflow.friction_tables import law_of
 from workflow.quantities import Acceleration, explain
 from workflow.sections import (
     BarMesh,
@@ -17,6 +18,8 @@ from workflow.sections import (
     Body,
     CapMesh,
     Contact,
+    CurvedMesh,
+    Driven,
     Equilibrium,
     Guards,
     Load,
@@ -41,13 +44,15 @@ class Scene(Section):
     title: str
     about: str = ""
     mesh: Annotated[
-        BarMesh | BlocksMesh | CapMesh | WheelRailMesh | FileMesh, Field(discriminator="kind")
+        BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh,
+        Field(discriminator="kind"),
     ]
     bodies: dict[str, Body] = Field(min_length=1)
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
     contacts: dict[str, Contact] = Field(default_factory=dict)
     supports: list[Support] = Field(default_factory=list)
     loads: list[Load] = Field(default_factory=list)
+    driven: dict[str, Driven] = Field(default_factory=dict)
     absorbing: list[Absorbing] = Field(default_factory=list)
     rolling: Rolling | None = None
     vehicle: Vehicle | None = None
@@ -59,7 +64,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
-        if wrong := [*self._unknown_names(), *self._unfit_bodies()]:
+        if wrong := [*self._unknown_names(), *self._unfit_bodies(), *self._unfit_friction()]:
             raise ValueError("\n".join(wrong))
         if self.rolling:
             if self.rolling.body not in self.bodies:
@@ -77,8 +82,10 @@ class Scene(Section):
                 raise ValueError(
                     f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail' or 'file'"
                 )
-        if self.equilibrium and not (self.loads or any(self.gravity or ())):
-            raise ValueError("equilibrium: expected gravity or loads to bring to rest, got neither")
+        if self.equilibrium and not (self.loads or any(self.gravity or ()) or self.driven):
+            raise ValueError(
+                "equilibrium: expected gravity, loads or a driven body to bring to rest, got none"
+            )
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
         if self.time.output_interval > self.time.end:
@@ -109,6 +116,9 @@ class Scene(Section):
         for name in self.equilibrium.approach if self.equilibrium else ():
             if name not in self.bodies:
                 yield f"equilibrium.approach.{name}: expected one of {list(self.bodies)}"
+        for name in self.driven:
+            if name not in self.bodies:
+                yield f"driven.{name}: expected one of {list(self.bodies)}"
 
     def _unfit_bodies(self) -> Iterator[str]:
         """Yield a line for every key of a body that does not go with its others."""
@@ -134,6 +144,15 @@ class Scene(Section):
                     f"got {body.element!r}"
                 )
 
+    def _unfit_friction(self) -> Iterator[str]:
+        """Yield a line for every friction law that cannot be used."""
+        for name, contact in self.contacts.items():
+            if isinstance(contact.friction, Section):
+                try:
+                    law_of(contact.friction)
+                except ValueError as error:
+                    yield f"contacts.{name}.friction: {error}"
+
     def surfaces(self) -> Iterator[tuple[str, str]]:
         """Yield the key and value of every surface that this scene names."""
         for name, contact in self.contacts.items():
@@ -147,6 +166,8 @@ class Scene(Section):
         for key, entries in lists.items():
             for i, entry in enumerate(entries):
                 yield f"{key}.{i}.surface", entry.surface
+        for body, motion in self.driven.items():
+            yield f"driven.{body}.surface", motion.surface
         if self.vehicle:
             yield "vehicle.journal", self.vehicle.journal
         if self.track:

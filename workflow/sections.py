@@ -27,6 +27,7 @@ from workflow.quantities import (
     Share,
     Slope,
     Speed,
+    Spin,
     Step,
     Stress,
 )
@@ -78,6 +79,46 @@ class CapMesh(Section):
     extent: Length
     size: Length
     growth: Growth = 1.2
+
+
+Ends = tuple[Position, Position]
+
+
+class CurvedMesh(Section):
+    """Two curved bodies that touch at the origin, uniform cells in a zone around it.
+
+    ``radius`` lies in the x-z plane and ``crown`` across it; one left out is flat. ``layers`` equal
+    cells along y take the place of ``fine_y``, one of them makes plane strain between held sides.
+    With ``rolls`` the upper body is a sector of a ring, ``x`` counted along its running circle.
+    """
+
+    regions: ClassVar = ("roller", "base")
+    surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
+
+    kind: Literal["curved-on-curved"]
+    size: Length
+    base_size: Length | None = None
+    growth: Growth = 1.2
+    x: Ends
+    fine_x: Ends
+    y: Ends
+    fine_y: Ends | None = None
+    layers: Count | None = None
+    height: Length
+    depth: Length
+    radius: Length | None = None
+    crown: Length | None = None
+    base_radius: Length | None = None
+    base_crown: Length | None = None
+    rolls: bool = False
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.fine_y is None) == (self.layers is None):
+            raise ValueError("mesh: expected exactly one of fine_y and layers")
+        if self.rolls and self.radius is None:
+            raise ValueError("mesh.radius: missing; mesh.rolls expects the radius to roll on [m]")
+        return self
 
 
 class Sleepers(Section):
@@ -238,6 +279,26 @@ class Support(Section):
 
     surface: str
     directions: list[Direction] = Field(min_length=1)
+
+
+class Driven(Section):
+    """A body carried by one of its surfaces in a steady rigid motion, from time zero on.
+
+    ``spin`` turns it about an axis through ``centre`` of the mesh, which moves with ``velocity``.
+    With ``steady_start`` the pattern of deformation at rest stays where it is and the material
+    flows through it, as in rolling; without, the pattern is carried along.
+    """
+
+    surface: str
+    velocity: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    spin: tuple[Spin, Spin, Spin] = (0.0, 0.0, 0.0)
+    centre: tuple[Position, Position, Position] = (0.0, 0.0, 0.0)
+    steady_start: bool = False
+
+    @property
+    def support(self) -> Support:
+        """The support that the surface is while the bodies are brought to rest."""
+        return Support(surface=self.surface, directions=["x", "y", "z"])
 
 
 class Load(Section):

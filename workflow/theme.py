@@ -66,6 +66,7 @@ REGION = {
     Tag.BAR: "#5b8db8",
     Tag.BLOCK: "#5b8db8",
     Tag.SPHERE: "#5b8db8",
+    Tag.ROLLER: "#5b8db8",
     Tag.BASE: "#dfb07a",
 }
 # of a mesh file, in turn

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies carried by one of their surfaces in a steady rigid motion: shear loading, rolling."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import la
+
+from workflow.sections import Driven
+from workflow.surfaces import surface_nodes
+
+if TYPE_CHECKING:
+    from workflow.model import Model
+
+Array = npt.NDArray[np.float64]
+
+
+class Carried:
+    """A surface that keeps to a rigid motion, and the work of the forces that keep it there.
+
+    Attributes:
+        work: Work of this rank's nodes since the first step [J].
+    """
+
+    def __init__(self, model: "Model", body: str, entry: Driven) -> None:
+        self.body, self.entry, self.dt, self.work = body, entry, model.dt, 0.0
+        domain = model.domain
+        local = domain.local_dofs(surface_nodes(domain, entry.surface))
+        self.dofs = local[local >= 0]
+        self.velocity, self.spin = np.array(entry.velocity), np.array(entry.spin)
+        self.mass = model.mass.array[::3][self.dofs, None]
+        self.reference = domain.V.tabulate_dof_coordinates()
+        # the whole body was moved by the static solve, its axis with it
+        u = model.state.u.x.array.reshape(-1, 3)[self.dofs]
+        comm = domain.msh.comm
+        shift = comm.allreduce(u.sum(axis=0)) / comm.allreduce(len(self.dofs))
+        self.centre = np.array(entry.centre) + shift
+        self.state = model.state
+        self.reaction: Array | None = None
+
+    def rigid(self, dofs: npt.NDArray[np.int32]) -> Array:
+        """Return the velocity of the rigid motion at nodes at the start, ``(n, 3)`` [m/s].
+
+        Material that flows through the pattern is where it would be without it.
+        """
+        if self.entry.steady_start:
+            arm = self.reference[dofs] - self.entry.centre
+        else:
+            arm = self.places(dofs) - self.centre
+        return np.asarray(self.velocity + np.cross(self.spin, arm))
+
+    def flow(self, x: Any) -> Any:
+        """Return the same at the reference places ``x``, as a UFL vector."""
+        V, omega, centre = map(
+            ufl.as_vector, (self.entry.velocity, self.entry.spin, self.entry.centre)
+        )
+        return V + ufl.cross(omega, x - centre)
+
+    def places(self, dofs: npt.NDArray[np.int32]) -> Array:
+        """Return the present places of nodes, shape ``(n, 3)`` [m]."""
+        return np.asarray(self.reference[dofs] + self.state.u.x.array.reshape(-1, 3)[dofs])
+
+    def steer(self, a: la.Vector, free: Array) -> None:
+        """Set the acceleration of the rigid motion, in place, and count the work so far.
+
+        It is ``ω × (ω × r)``; the reaction, mass times what it differs from the free acceleration,
+        does the work ``(R₋ + R) / 2 · dt v`` on the way from the last step to this.
+        """
+        index, state = self.dofs, self.state
+        r = self.places(index) - self.centre - self.velocity * state.t
+        held = np.cross(self.spin, np.cross(self.spin, r))
+        a.array.reshape(-1, 3)[index] = held
+        reaction = self.mass * (held - free)
+        if self.reaction is not None:
+            v = state.v.x.array.reshape(-1, 3)[index]
+            self.work += self.dt / 2 * float(((self.reaction + reaction) * v).sum())
+        self.reaction = reaction
+
+
+class Hold:
+    """The supports of a scene with driven surfaces: a callable in place of ``model.supports``.
+
+    Attributes:
+        carried: The driven surfaces.
+    """
+
+    def __init__(self, model: "Model") -> None:
+        self.supports = model.supports
+        self.carried = [Carried(model, *entry) for entry in model.scene.driven.items()]
+
+    @property
+    def work(self) -> float:
+        """Work of this rank's driven nodes [J]."""
+        return sum(c.work for c in self.carried)
+
+    def __call__(self, a: la.Vector) -> None:
+        """Impose all held and driven components of an acceleration, in place."""
+        free = [a.array.reshape(-1, 3)[c.dofs].copy() for c in self.carried]
+        self.supports(a)
+        for carried, before in zip(self.carried, free, strict=True):
+            carried.steer(a, before)
+
+
+def start(model: "Model") -> None:
+    """Set the velocities of driven bodies at time zero and what holds them from now on."""
+    model.drives = hold = Hold(model)
+    v = model.state.v.x.array.reshape(-1, 3)
+    flows, x = {}, ufl.SpatialCoordinate(model.domain.msh)
+    for carried in hold.carried:
+        dofs = model.body_dofs(carried.body)
+        v[dofs] = carried.rigid(dofs)
+        if carried.entry.steady_start:
+            flows[carried.body] = carried.flow(x)
+    if flows:
+        from workflow.rolling import convected
+
+        v[: model.domain.owned] += convected(model, flows)
+    model.supports(model.state.v.x)
+    for carried in hold.carried:
+        v[carried.dofs] = carried.rigid(carried.dofs)
