@@ -168,7 +168,7 @@ def mesh(
 
 @app.command(
     epilog=examples(
-        "squealx modes flange-transition",
+        "squealx modes flange-transition --set bodies.wheelset.element=one-point",
         "squealx modes flange-transition --held free --to 6000 --ranks 2",
         "squealx modes flange-transition --part wheelset --to 2000",
         "squealx modes bar-wave --to 70000",

@@ -233,7 +233,7 @@ def title(mode: Mode, width: int = 0) -> str:
     """Return a mode in words: number (if a width is given), frequency, direction, (n, m)."""
     words = [f"{mode.number:0{width}d}"] * (width > 0) + [f"{mode.frequency:.1f} Hz", mode.kind]
     if mode.diameters is not None:
-        words.append(f"({mode.diameters}, {mode.circles})")
+        words.append(f"({mode.diameters}, {_circles(mode.circles)})")
     return " ".join(words)
 
 
@@ -245,7 +245,13 @@ def show(summary: dict[str, Any], console: Any) -> None:
     rows = [r for r in summary["modes"] if not (r["partner"] and r["partner"] < r["number"])]
     shares = list(rows[0]["shares"])
     wheel, beside = "axial" in shares, bool(summary["independent"])
-    columns = ["mode", "Hz", "motion", *["n, m"] * wheel, *(f"{name[:3]} %" for name in shares)]
+    columns = [
+        "mode",
+        "Hz",
+        "motion",
+        *["n, m"] * wheel,
+        "/".join(name[:3] for name in shares) + " %",
+    ]
     columns += ["split %"] * wheel + ["indep.", "off %"] * beside
     told = f"{summary['scene']}: {summary['part']}, {summary['held'].replace('_', ' ')}"
     table = Table(title=told, box=box.SIMPLE_HEAD, pad_edge=False)
@@ -269,9 +275,13 @@ def words(row: dict[str, Any], wheel: bool, beside: bool) -> list[str]:
     partner, n, split, f = (row[k] for k in ("partner", "diameters", "split", "independent"))
     number = f"{row['number']}, {partner}" if partner else str(row["number"])
     cells = [number, f"{row['frequency']:.1f}", row["kind"].replace("umferential", ".")]
-    cells += ["" if n is None else f"{n}, {row['circles']}"] * wheel
-    cells += [f"{100 * share:.0f}" for share in row["shares"].values()]
-    cells += ["" if split is None else f"{100 * split:.4f}"] * wheel
+    cells += ["" if n is None else f"{n}, {_circles(row['circles'])}"] * wheel
+    cells += ["/".join(f"{100 * share:.0f}" for share in row["shares"].values())]
+    cells += ["" if split is None else f"{100 * split:.3f}"] * wheel
     if beside:
         cells += ["", ""] if f is None else [f"{f:.1f}", f"{100 * (row['frequency'] / f - 1):+.2f}"]
     return cells
+
+
+def _circles(m: int | None) -> str:
+    return "–" if m is None else str(m)

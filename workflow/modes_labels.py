@@ -22,6 +22,7 @@ PAIRED = 0.05  # widest split of a pair
 ALIKE = 0.8  # least correlation of the sections of a pair
 EVEN = 1e-6  # a pair closer than this is one of a body of revolution: any phase will do
 STILL = 0.05  # of the largest axial motion: less has no sign
+NO_AXIAL = 1e-3  # share of the energy: less has no nodal circles
 BINS = 30  # of the radius, for nodal circles
 NAMES = ("axial", "radial", "circumferential")
 
@@ -36,7 +37,7 @@ class Mode:
         kind: Direction of most motion of the rim, or of the whole if there is no axle; ``rigid``.
         shares: Kinetic energy of each direction: axial, radial, circumferential, or x, y, z.
         diameters: Nodal diameters n, None without axle.
-        circles: Nodal circles m of the axial motion between hub and rim, None without axle.
+        circles: Nodal circles m of the axial motion between hub and rim, None if there is none.
         purity: Share of the kinetic energy in order n.
         partner: Number of the other mode of its pair, None if it is single.
         split: Distance of the two over their mean, None if it is single.
@@ -249,7 +250,8 @@ def labelled(
         n = int(np.argmax(energy[i]))
         purity = float(energy[i, n] / share.sum())
         kind = NAMES[int(np.argmax(rim))]
-        modes.append(Mode(i + 1, float(f), kind, shares, n, circles(found, i, n, hub), purity))
+        m = circles(found, i, n, hub) if shares["axial"] > NO_AXIAL else None
+        modes.append(Mode(i + 1, float(f), kind, shares, n, m, purity))
     modes = paired(modes, found)
     return modes, turned(shapes, modes, found)
 

@@ -26,6 +26,9 @@ from workflow.scene import SceneError
 
 Array = npt.NDArray[np.float64]
 
+# petsc4py's stubs take this number for something else
+SYMMETRIC: Any = PETSc.Mat.Option.SYMMETRIC
+
 BELOW = 10.0  # Hz: rigid motion comes out within this of zero
 TOLERANCE = 1e-10  # of an eigenvalue
 # controls of MUMPS without which it does not count pivots: the root in one piece, null ones found
@@ -106,13 +109,13 @@ def spectrum(
 def scaled(K: PETSc.Mat, free: npt.NDArray[Any], scale: Array) -> PETSc.Mat:
     """Return the rows and columns of the free dofs, each divided by the root of its mass."""
     comm = K.getComm()
-    rows = (free + K.getOwnershipRange()[0]).astype(PETSc.IntType)
+    rows: Any = (free + K.getOwnershipRange()[0]).astype(PETSc.IntType)
     kept = PETSc.IS().createGeneral(rows, comm=comm)
     A = K.createSubMatrix(kept, kept)
     d = A.createVecRight()
     d.array[:] = scale
     A.diagonalScale(d, d)
-    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    A.setOption(SYMMETRIC, True)
     return A
 
 
@@ -131,7 +134,7 @@ def below(A: PETSc.Mat, shift: float) -> int:
     """Return how many eigenvalues of a symmetric matrix lie below a shift: its negative pivots."""
     B = A.copy()
     B.shift(-shift)
-    B.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    B.setOption(SYMMETRIC, True)
     pc = PETSc.PC().create(A.getComm())
     pc.setOperators(B)
     direct(pc)
