@@ -55,7 +55,9 @@ def shares(points: Array, quads: Index, start: float, end: float) -> tuple[Index
     for b in GAUSS:  # on a line across, x is linear from one end of the facet to the other
         ends = np.array([(1 - b) * x[:, 0, 0] + (1 + b) * x[:, 3, 0]]) / 2
         ends = np.vstack([ends, ((1 - b) * x[:, 1, 0] + (1 + b) * x[:, 2, 0]) / 2])
-        cuts = (np.clip([[start], [end]], *np.sort(ends, axis=0)) - ends[0]) / np.diff(ends, axis=0)
+        length = np.diff(ends, axis=0)
+        cuts = np.clip([[start], [end]], *np.sort(ends, axis=0)) - ends[0]
+        cuts = cuts / np.where(length == 0, 1.0, length)  # a facet across x has no stretch of it
         half, middle = np.abs(cuts[1] - cuts[0]), cuts.sum(axis=0) - 1  # of xi from -1 to 1
         for a in middle + half * GAUSS[:, None]:
             N, da, db = _bilinear(a, np.full_like(a, b))

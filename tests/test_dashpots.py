@@ -87,9 +87,9 @@ def reflected(model: Model) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_a_bar_absorbs_its_pulse(nu):
-    """Dashpots of √(E ρ): less than 1 % of the amplitude comes back, 99.99 % of the energy stays.
+    """Dashpots of √(E ρ) take 99.99 % of the energy; below 1 % of the amplitude comes back.
 
-    The ledger closes to round-off.
+    0.66 % with ν = 0 and 0.84 % with ν = 0.3; the ledger closes to round-off.
     """
     back, taken, error = reflected(bar("bar", nu))
     assert abs(back) < 0.01
