@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Friction laws written as an expression, such as ``0.3 * exp(-slip_rate / 0.5) + 0.1``.
 
-The expression is evaluated by NumPy on all nodes in contact at once, as the other laws are: 5 µs for
-100 nodes, 16 µs for 10 000. The same law compiled from C takes 3 and 31 µs, as NumPy's ``exp``
+The expression is evaluated by NumPy on all nodes in contact at once, as the other laws are: 5 µs
+for 100 nodes, 16 µs for 10 000. The same law compiled from C takes 3 and 31 µs, as NumPy's ``exp``
 computes several values at a time, and would start a compiler in every run.
 """
 

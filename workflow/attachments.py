@@ -14,11 +14,15 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
-from workflow.scene import Scene
+from workflow.friction_tables import law_of
+from workflow.scene import Scene, SceneError
 from workflow.sections import Contact, RigidWall, Support
 from workflow.surfaces import surface_nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from contact.friction import Law as FrictionLaw
     from workflow.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -103,13 +107,16 @@ def dead_load(scene: Scene, domain: Domain) -> Array:
     return nodal.ravel()
 
 
-def attach(model: "Model") -> None:
-    """Attach what the scene names, and only that."""
-    scene = model.scene
+def attach(model: "Model", friction: "Mapping[str, FrictionLaw] | None" = None) -> None:
+    """Attach what the scene names, and only that; ``friction`` laws by pair in place of its own."""
+    scene, own = model.scene, dict(friction or {})
+    if unknown := sorted(own.keys() - scene.contacts):
+        raise SceneError(f"friction = {unknown}: expected contacts of {list(scene.contacts)}")
     if any(b.mass_damping for b in scene.bodies.values()):
         model.damping = mass_damping(model)
     for contact_name, contact in scene.contacts.items():
-        model.pairs[contact_name] = pair(model, contact_name, contact)
+        law = own.get(contact_name, contact.friction)
+        model.pairs[contact_name] = pair(model, contact_name, contact, law)
 
 
 def mass_damping(model: "Model") -> MassDamping:
@@ -122,11 +129,19 @@ def mass_damping(model: "Model") -> MassDamping:
     return MassDamping(model.domain.msh.comm, nodal, model.dt)
 
 
-def pair(model: "Model", key: str, contact: Contact) -> Any:
-    """Return the contact pair of a scene entry (the contact package is imported only here)."""
+def pair(model: "Model", key: str, contact: Contact, friction: Any) -> Any:
+    """Return the contact pair of a scene entry (the contact package is imported only here).
+
+    Raises:
+        SceneError: if ``friction``, a coefficient, table or law, cannot be used.
+    """
     from contact.pair import ContactPair
     from contact.surface import rigid_plane, surface
 
+    try:
+        law = law_of(friction)
+    except ValueError as error:
+        raise SceneError(f"contacts.{key}.friction: {error}") from error
     domain = model.domain
     nodal = model.mass.array[::3]
     if isinstance(contact.target, RigidWall):
@@ -139,7 +154,7 @@ def pair(model: "Model", key: str, contact: Contact) -> Any:
         target,
         comm=domain.msh.comm,
         dt=model.dt,
-        friction=contact.friction,
+        friction=law,
         penalty=contact.penalty,
         damping=contact.damping,
         name=key,

@@ -145,10 +145,11 @@ def closed_forms(record: Record, pair: str) -> list[tuple[str, Array, Array]]:
     if isinstance(mesh, BlocksMesh) and pressure > 0:
         normal = pressure * mesh.block[0] * mesh.block[1] * np.ones(2)
         forms = [("load on the block", whole, normal)]
-        if speed and contact.friction:
-            _, stop = sliding_stop(speed, contact.friction, pressure / (rho * mesh.block[2]))
+        friction = contact.friction
+        if speed and isinstance(friction, float) and friction:
+            _, stop = sliding_stop(speed, friction, pressure / (rho * mesh.block[2]))
             slide = np.array([0.0, min(stop, scene.time.end)])
-            forms.append(("friction × load until rest", slide, contact.friction * normal))
+            forms.append(("friction × load until rest", slide, friction * normal))
         return forms
     if isinstance(mesh, CapMesh) and pressure > 0:
         return [("load on the quarter", whole, pressure * mesh.extent**2 * np.ones(2))]

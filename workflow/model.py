@@ -28,6 +28,7 @@ from workflow.track import connections, end_supports
 
 if TYPE_CHECKING:
     from contact import ContactPair
+    from contact.friction import Law as FrictionLaw
     from workflow.driven import Hold
 
 Array = npt.NDArray[np.float64]
@@ -130,6 +131,7 @@ def build(
     log: Callable[[str], Any] = lambda line: None,
     clock: Clock | None = None,
     laws: Mapping[str, Law] | None = None,
+    friction: "Mapping[str, FrictionLaw] | None" = None,
 ) -> Model:
     """Return the model of a scene; every check of the scene against its mesh is made here.
 
@@ -139,6 +141,7 @@ def build(
         log: Called with lines for the log.
         clock: Collects the time of meshing and compiling.
         laws: Material laws of your own by body name, in place of the scene's.
+        friction: Friction laws of your own by contact name, in place of the scene's.
 
     Raises:
         SceneError: naming the key that does not fit.
@@ -148,7 +151,7 @@ def build(
         domain, placement = domain_of(scene, comm, log)
     with clock.phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
-        attach(model)
+        attach(model, friction)
     for line in model.bodies.doubts():
         log(line)
     if reason := model.internal.kernel.engine.reason:

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 
 def _number(unit: str, **limits: Any) -> Any:
@@ -30,6 +30,8 @@ Stiffness = Annotated[float, _number("N/m", ge=0)]
 Damping = Annotated[float, _number("N s/m", ge=0)]
 Rate = Annotated[float, _number("1/s", ge=0)]
 Friction = Annotated[float, _number("-", ge=0)]
+SlipRate = Annotated[float, _number("m/s", ge=0)]
+SlipSpeed = Annotated[float, _number("m/s", gt=0)]
 Factor = Annotated[float, _number("-", gt=0)]
 Share = Annotated[float, _number("-", ge=0)]
 Growth = Annotated[float, _number("-", ge=1, le=2)]
@@ -37,6 +39,12 @@ Component = Annotated[float, _number("-")]
 Step = Annotated[float, _number("-", gt=0, le=1.2)]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Direction = Literal["x", "y", "z", "axle"]
+
+
+class Section(BaseModel):
+    """A table of a scene; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def explain(error: Any, data: Any, root: type[BaseModel]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -22,6 +22,9 @@ from workflow.progress import Progress
 from workflow.results import Results, check_free
 from workflow.scene import Scene, SceneError
 from workflow.stepping import central_difference
+
+if TYPE_CHECKING:
+    from contact.friction import Law as FrictionLaw
 
 
 @dataclass
@@ -52,6 +55,7 @@ def run(
     *,
     watch: Callable[[Model], None] | None = None,
     laws: Mapping[str, Law] | None = None,
+    friction: "Mapping[str, FrictionLaw] | None" = None,
     quiet: bool = False,
 ) -> Result:
     """Run a scene and leave its results in a new folder.
@@ -62,6 +66,7 @@ def run(
         comm: Ranks that share the run.
         watch: Called with the model at every step, for experiments.
         laws: Material laws of your own by body name, in place of the scene's.
+        friction: Friction laws of your own by contact name, in place of the scene's.
         quiet: No progress on the terminal; ``run.log`` is always written.
 
     Raises:
@@ -72,7 +77,7 @@ def run(
     folder = checked(out, comm)
     clock = Clock()
     progress = Progress(comm.rank == 0, quiet)
-    model = build(scene, comm, progress.log, clock, laws)
+    model = build(scene, comm, progress.log, clock, laws, friction)
     check_apart(model)
     results = Results(folder, scene, model.domain)
     progress.keep_in(folder / "run.log")

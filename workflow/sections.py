@@ -3,10 +3,17 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
+from workflow.friction_tables import FrictionLaw
 from workflow.quantities import (
     Angle,
     Component,
@@ -17,13 +24,13 @@ from workflow.quantities import (
     Distance,
     Duration,
     Factor,
-    Friction,
     Growth,
     Length,
     Modulus,
     Position,
     Rate,
     Ratio,
+    Section,
     Share,
     Slope,
     Speed,
@@ -31,13 +38,6 @@ from workflow.quantities import (
     Step,
     Stress,
 )
-
-
-class Section(BaseModel):
-    """A table of a scene; unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
 
 Axis = tuple[Component, Component, Component]
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
@@ -268,7 +268,7 @@ class Contact(Section):
 
     contactor: str
     target: str | RigidWall
-    friction: Friction = 0.0
+    friction: FrictionLaw = 0.0
     penalty: Factor = 0.2
     damping: Share = 0.0
     stick_tolerance: Share = 0.05
@@ -334,8 +334,8 @@ class Equilibrium(Section):
 
     tolerance: Factor = 1e-6
     max_iterations: Count = 40
-    approach: dict[str, tuple[Position, Position, Position]] = {}
-    hold: list[Support] = []
+    approach: dict[str, tuple[Position, Position, Position]] = Field(default_factory=dict)
+    hold: list[Support] = Field(default_factory=list)
     shift: Position = 0.0
     shift_increments: Count = 5
 
