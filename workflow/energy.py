@@ -15,7 +15,7 @@ class Energy:
     ``kinetic`` is ``m v₋ · v₊ / 2`` with the velocities half a step before and after: together with
     the strain energy it is what central difference keeps exactly in a linear problem (the square of
     their mean is larger by ``m (dt a)² / 8`` and rings by that much).
-    ``contact`` is stored in contact springs, ``spring`` in connections (weight of point masses
+    ``contact`` is stored in contact springs, in normal and tangential ones, ``spring`` in connections (weight of point masses
     included). Dissipations and works are sums since time zero. ``external_work`` is that of dead
     loads and drive torque. ``hourglass`` is that of the control of one-point cells.
     """
@@ -28,6 +28,8 @@ class Energy:
     friction_dissipation: float
     damping: float
     external_work: float
+    contact_normal: float = 0.0
+    contact_tangential: float = 0.0
 
     @property
     def total(self) -> float:
@@ -111,6 +113,8 @@ class Ledger:
             friction_dissipation=float(sum(p.friction_dissipation for p in pairs)),
             damping=float(damping + sum(p.damping_dissipation for p in pairs)),
             external_work=float(work),
+            contact_normal=float(sum(p.normal_energy for p in pairs)),
+            contact_tangential=float(sum(p.tangential_energy for p in pairs)),
         )
 
 

@@ -230,6 +230,9 @@ def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
         "tangential_y_force": y,
         "tangential_z_force": z,
         "max_penetration": pair.max_penetration,
+        "normal_energy": pair.normal_energy,
+        "tangential_energy": pair.tangential_energy,
+        "friction_dissipation": pair.friction_dissipation,
         "area": float(np.sum(footprint.area)),
         "patches": float(len(footprint.patches)),
     }
