@@ -27,6 +27,7 @@ class Exchange:
     Attributes:
         xv: Current position and velocity, shape ``(n, 6)`` [m, m/s].
         past: Positions at the last :meth:`mark`, shape ``(n, 3)`` [m].
+        ahead: As ``xv``, one step ahead, see :meth:`predict`.
     """
 
     def __init__(self, reference: Array, dofs: Index, comm: "MPI.Comm | None") -> None:
@@ -36,6 +37,7 @@ class Exchange:
         self.xv = np.zeros((n, 6))
         self.xv[:, :3] = reference
         self.past = np.ascontiguousarray(reference, dtype=np.float64).copy()
+        self.ahead = self.xv.copy()
         self._dofs = np.ascontiguousarray(dofs, dtype=np.int32)
         self._need = 3 * (int(self._dofs.max(initial=-1)) + 1)
         self._owner = np.where(self._dofs >= 0, 0, -1)
@@ -52,6 +54,7 @@ class Exchange:
         )
         self._past = view("past", self.past, (n, 3))
         self._xv = view("xv", self.xv, (n, 6), out=True)
+        self._ahead = view("ahead", self.ahead, (n, 6), out=True)
         self._all = self._plan(np.arange(n, dtype=np.int32))
         self._near = self._plan(np.empty(0, dtype=np.int32))
 
@@ -87,6 +90,26 @@ class Exchange:
     def update(self, u: Array, v: Array) -> float:
         """Read the chosen nodes; return the largest distance they moved [m]."""
         return self._gather(self._near, u, v)
+
+    def predict(self, force: Array, mass: Any, dt: float) -> None:
+        """Fill ``ahead`` for the chosen nodes.
+
+        Args:
+            force: All forces of the step but those of the contact, flat, owned dofs [N].
+            mass: View of the nodal masses [kg].
+            dt: Step [s].
+        """
+        own, c_own, order, _, buffer = self._near
+        c_force = view("force", force, (-1,))
+        lib.wr_predict(len(own), c_own, self._c[0], mass, dt, self._xv, c_force, self._ahead)
+        if self.comm is not None:
+            self.comm.Allgatherv(self.ahead[own], (buffer, self._near[3]))
+            self.ahead[order] = buffer
+
+    @property
+    def shared(self) -> int:
+        """Number of nodes that the ranks tell each other of at every step, 48 bytes each."""
+        return len(self._near[2])
 
     def mark(self) -> None:
         """Measure motion from the present positions."""

@@ -12,15 +12,15 @@ Array = npt.NDArray[np.float64]
 
 # lasting state, in the order of a checkpoint; the rest is found again each step
 _SAVED = (
-    "facet", "xi", "gap", "normal", "stiffness", "pressing", "drag", "traction", "slip",
-    "friction", "total",
+    "facet", "xi", "gap", "normal", "stiffness", "damper", "offset", "pressing", "drag",
+    "approach", "traction", "slip", "friction", "total",
 )  # fmt: skip
 
 
 class History:
     """Arrays over the ``nc`` contactor nodes; what they hold is told in ``kernel.h``.
 
-    ``ratio`` is the tangential over the normal stiffness.
+    ``ratio`` is the tangential over the normal stiffness, infinite without such springs.
 
     Attributes:
         c: Their memory for the kernel, by name.
@@ -33,8 +33,11 @@ class History:
         self.gap = np.zeros(nc)
         self.normal = np.zeros((nc, 3))
         self.stiffness = np.zeros(nc)
+        self.damper = np.zeros(nc)
+        self.offset = np.zeros(nc)
         self.pressing = np.zeros(nc)
         self.drag = np.zeros(nc)
+        self.approach = np.zeros(nc)
         self.traction = np.zeros((nc, 3))
         self.slip = np.zeros((nc, 3))
         self.friction = np.zeros(nc)
@@ -48,7 +51,10 @@ class History:
 
     def clear(self, nodes: npt.NDArray[np.int64] | slice = slice(None)) -> None:
         """Forget the contact of ``nodes`` (all if left out)."""
-        for a in (self.stiffness, self.pressing, self.drag, self.traction, self.slip):
+        for a in (
+            self.stiffness, self.damper, self.offset, self.pressing, self.drag, self.approach,
+            self.traction, self.slip,
+        ):  # fmt: skip
             a[nodes] = 0.0
 
     def release(self, nodes: npt.NDArray[np.int64]) -> None:

@@ -42,11 +42,12 @@ class Neighbourhood:
         comm: "MPI.Comm | None",
         reach: float | None,
         name: str,
+        smooth_below: float | None = None,
     ) -> None:
         """Prepare the search; arguments as for :class:`contact.pair.ContactPair`."""
         self.name = name
         self.nodes = np.concatenate([contactor.nodes, target.nodes])
-        self.search = Search(contactor, target)
+        self.search = Search(contactor, target, smooth_below)
         self.exchange = Exchange(
             np.vstack([contactor.reference, target.reference]),
             np.concatenate([contactor.dofs, target.dofs]),
@@ -79,13 +80,14 @@ class Neighbourhood:
             self._find(history)
         self._steps_left = 0
 
-    def deepest(self, u: Array, reach: float | None, c: dict[str, Any]) -> tuple[float, int]:
+    def deepest(self, u: Array, reach: float | None) -> tuple[float, int]:
         """Return depth [m] and index of the deepest contactor node, see :mod:`contact.overlap`."""
         self.exchange.whole(u, u)
         look = 2.0 * self.reach if reach is None else reach
         live, outward = self.search.live.copy(), self.search.outward.copy()
-        answer = deepest(self.search, self.exchange.xv, look, c)
+        answer = deepest(self.search, self.exchange.xv, look)
         self.search.live[:], self.search.outward[:] = live, outward
+        self.search.neighbourhood(self.item)
         return answer
 
     def _find(self, history: History) -> None:

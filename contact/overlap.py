@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Deepest penetration of two surfaces, to detect bodies that overlap at the start."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from contact._kernel import lib
 from contact.arrays import view
 from contact.history import History
 from contact.search import Search
@@ -14,22 +11,20 @@ from contact.search import Search
 Array = npt.NDArray[np.float64]
 
 
-def deepest(search: Search, xv: Array, reach: float, c: dict[str, Any]) -> tuple[float, int]:
+def deepest(search: Search, xv: Array, reach: float) -> tuple[float, int]:
     """Return depth [m] and contactor index of the deepest node; (0, -1) where nothing overlaps.
 
-    Overwrites ``live`` and ``outward`` of ``search``.
+    Overwrites what ``search`` has chosen.
 
     Args:
         search: Search of the pair.
         xv: Positions and velocities of all nodes, shape ``(n, 6)``.
         reach: Depth up to which overlap is looked for [m].
-        c: Memory of the arrays that ``wr_track`` reads, by name.
     """
     probe = History(search.nc)
     item = search.candidates(xv, reach, reach, probe.stiffness, probe.facet, probe.xi)
-    fixed = (c[key] for key in "xv quad kind size around ring live outward".split())
-    out = (probe.c[key] for key in ("facet", "xi", "gap", "normal"))
-    lib.wr_track(len(item), view("item", item, (-1,), np.int32), *fixed, *out)
+    search.neighbourhood(item)
+    search.track(len(item), view("item", item, (-1,), np.int32), view("xv", xv, xv.shape), probe.c)
     if not item.size or not probe.gap[item].min() < 0.0:
         return 0.0, -1
     worst = int(item[np.argmin(probe.gap[item])])

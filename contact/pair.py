@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact of two surfaces: penalty normal force and Coulomb friction, ``add(state, force)``."""
+"""Contact of two surfaces: normal force and friction, ``add(state, force)``."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from contact._kernel import lib
+from contact._kernel import ffi, lib
 from contact.arrays import view
 from contact.footprint import Footprint, connected, footprint_of
 from contact.friction import Coulomb, Law, LawState, as_law, coefficients
 from contact.history import History
+from contact.lagrange import Lagrange
 from contact.neighbourhood import Neighbourhood
+from contact.normal_law import METHODS, node_foundation
 from contact.state import State, Vector
 from contact.surface import Surface, tributary_area
 from contact.tangent import stiffness_blocks
@@ -23,14 +25,23 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 
+STATIC = 100.0  # statics know no step, so springs that stand for a constraint can be this stiffer
+
+
+def _one_of(key: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"{key}: expected one of {', '.join(known)}, got {value!r}")
+
+
 class ContactPair:
     r"""Contactor nodes against target facets.
 
     1. The gap :math:`g` of a node is its signed distance from the closest point of the target,
        negative when penetrating; :math:`n` is the target's normal there.
     2. Normal force :math:`F_n = \max(0, k_n (-g) + c\,\dot g_{closing})` with
-       :math:`k_n = penalty \cdot m_{eff} / dt^2`, fixed from the birth of the contact to its
-       release, and :math:`c = 2\,damping \sqrt{k_n m_{eff}}`.
+       :math:`k_n = penalty \cdot m_{eff} / dt^2` or from the bulk modulus, fixed from the birth of
+       the contact to its release, and :math:`c = 2\,damping \sqrt{k_n m_{eff}}`; or a Lagrange
+       multiplier that leaves no gap (:mod:`contact.normal_law`).
     3. Effective mass :math:`1/m_{eff} = 1/m_c + s \sum N_i / m_i`; s >= 1 contactor nodes share
        one target node.
     4. Trial traction :math:`t - k_t \Delta s`, :math:`k_t = tangential \cdot k_n`; the slip is
@@ -56,6 +67,11 @@ class ContactPair:
         damping: float = 0.0,
         tangential: float = 1.0,
         reach: float | None = None,
+        method: str = "penalty",
+        smooth: bool = False,
+        sharp_angle: float = 0.7,
+        initial_overlap: str = "push",
+        offset_time: float = 0.0,
         name: str = "",
     ) -> None:
         """Set up the pair; collective.
@@ -66,10 +82,18 @@ class ContactPair:
             comm: Ranks that share the surfaces; None for one process.
             dt: Time step [s].
             friction: Coefficient of friction or a law, see :mod:`contact.friction`.
-            penalty: Normal stiffness times dt^2 over the effective mass [-].
+            penalty: Normal stiffness times dt^2 over the effective mass, or over that of the
+                cells behind with ``modulus-penalty``; with ``lagrange`` for statics only [-].
             damping: Normal damping as a fraction of critical [-].
             tangential: Tangential over normal stiffness [-].
             reach: Deepest penetration at which contact can begin [m]; half a cell if None.
+            method: ``penalty``, ``modulus-penalty`` or ``lagrange``; the last must be added when
+                ``force`` holds all other forces on owned dofs.
+            smooth: Curve the target's facets by their averaged normals.
+            sharp_angle: Facets of a smooth target that meet at more keep their edge [rad].
+            initial_overlap: What becomes of nodes that overlap at the first step and not from a
+                static solve: ``push`` (their springs push) or ``offset`` (it does not count).
+            offset_time: Time over which offsets fade to none; kept until release if 0 [s].
             name: Name for messages.
         """
         self.name = name or f"{contactor.name} on {target.name}"
@@ -78,35 +102,50 @@ class ContactPair:
         for key, value in (("dt", dt), ("penalty", penalty), ("tangential", tangential)):
             if not (np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{key}: expected a finite value > 0, got {value}")
-        if not (np.isfinite(damping) and damping >= 0.0):
-            raise ValueError(f"damping: expected a finite value >= 0, got {damping}")
+        for key, value in (("damping", damping), ("offset_time", offset_time)):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{key}: expected a finite value >= 0, got {value}")
+        if not 0.0 < sharp_angle < np.pi:
+            raise ValueError(f"sharp_angle: expected an angle in (0, pi) rad, got {sharp_angle}")
+        _one_of("method", method, METHODS)
+        _one_of("initial_overlap", initial_overlap, ("push", "offset"))
+        if method == "lagrange" and damping > 0.0:
+            raise ValueError(f"damping: expected 0 with method = 'lagrange', got {damping}")
         self.contactor, self.target = contactor, target
         self.dt, self.penalty, self.damping, self.tangential = dt, penalty, damping, tangential
         self.law = as_law(friction)
-        self.near = Neighbourhood(contactor, target, comm, reach, self.name)
+        self.method, self.initial_overlap, self.offset_time = method, initial_overlap, offset_time
+        below = sharp_angle if smooth else None
+        self.near = Neighbourhood(contactor, target, comm, reach, self.name, below)
         self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
-        self.history = History(len(contactor.nodes), tangential)
+        lasting = method == "lagrange"
+        self.history = History(len(contactor.nodes), np.inf if lasting else tangential)
         self._bind()
+        self._lagrange = Lagrange(self.near, self.history, self._fixed) if lasting else None
         self.reset()
 
     def _bind(self) -> None:
         """Collect the arguments of the kernel calls that stay the same."""
-        s, n = self.near.search, len(self.area)
+        n = len(self.area)
         self._mass = np.concatenate([self.contactor.mass, self.target.mass])
         self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
         arrays: dict[str, npt.NDArray[Any]] = {
             "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
-            "quad": s.quad, "kind": s.kind, "size": s.size, "around": s.around, "ring": s.ring,
-            "live": s.live, "outward": s.outward,
+            "quad": self.near.search.quad,
         }  # fmt: skip
         assert self._mass.shape == self._dofs.shape == (n,)
-        c = self.history.c | {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
-        track = "xv quad kind size around ring live outward facet xi gap normal"
-        normal = "xv mass area quad facet xi gap normal stiffness pressing drag traction slip"
+        self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
+        self._bed = (ffi.NULL, ffi.NULL)
+        if self.method == "modulus-penalty":
+            bed = node_foundation(self.contactor)
+            if self.target.foundation is None:
+                raise ValueError(f"surface {self.target.name}: expected bulk moduli")
+            self._bed = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
+        c = self.history.c | self._fixed
+        normal = "xv mass area quad facet xi normal gap stiffness damper offset"
+        normal += " pressing drag traction slip touching total"
         friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
-        self._c = c
-        self._c_track = tuple(c[key] for key in track.split())
-        self._c_normal = tuple(c[key] for key in (normal + " touching total").split())
+        self._c_normal = tuple(c[key] for key in normal.split())
         self._c_friction = tuple(c[key] for key in friction.split())
 
     def reset(self) -> None:
@@ -117,8 +156,14 @@ class ContactPair:
         self.history.friction[:] = constant
         self.near.forget()
         self.active = 0
+        self._started: float | None = None
 
     # ---- one step -------------------------------------------------------------------------
+
+    @property
+    def last(self) -> bool:
+        """Whether :meth:`add` needs all other forces, complete on owned dofs."""
+        return self._lagrange is not None
 
     def add(self, state: State, force: Vector, *, friction: bool = True) -> None:
         """Add the contact forces of the present state to ``force`` on owned dofs; collective.
@@ -129,36 +174,66 @@ class ContactPair:
             friction: False in statics: normal springs only, a function of ``u`` alone, found
                 by a new search wherever the bodies moved; drops the tangential history.
         """
-        if friction:
+        if not friction:
+            m = self._settle(state)
+            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
+        else:
             self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
-            m = self._press(self.dt)
+            if self._lagrange is not None:
+                self._close(self._lagrange, state, force.array)
+                return
+            m = self._press(self.dt, state.t)
             if not isinstance(self.law, Coulomb):
                 self._apply_law(m, state.t)
             coefficient = self.history.c["friction"]
-        else:
-            m = self._settle(state)
-            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
         lib.wr_friction(
             m, self.history.c["touching"], self.tangential, coefficient, *self._c_friction,
             view("force", force.array, (-1,), out=True), self.history.c["total"],
         )  # fmt: skip
 
+    def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
+        """Add the forces that leave no gap at the next step."""
+        lagrange.predict(force, self.dt, self.active)
+        fade = self._offsets(state.t)
+        if not isinstance(self.law, Coulomb):
+            self._apply_law(self.active, state.t)
+        self.active = lagrange.solve(force, self.dt, fade)
+
     def _settle(self, state: State) -> int:
         """Find the contact of a state at rest; return the number of touching nodes."""
         self.near.settle(state.u.x.array, self.history)
         self.history.traction[:] = 0.0
-        return self._press(0.0)
+        self._started = None
+        return self._press(0.0, state.t)
 
-    def _press(self, dt: float) -> int:
+    def _press(self, dt: float, t: float) -> int:
         """Track the candidates and find their normal forces; return how many touch."""
-        k = len(self.near.item)
-        lib.wr_track(k, self.near.c_item, *self._c_track)
+        near, k = self.near, len(self.near.item)
+        near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
         per_mass = self.penalty / self.dt**2
-        lag = 2.0 * self.damping * dt / self.penalty**0.5
+        if self._lagrange is not None:
+            per_mass *= STATIC
+        fade = self._offsets(t) if dt > 0.0 else 0.0
         self.active = lib.wr_normal(
-            k, self.near.c_item, dt, per_mass, lag, self.tangential, *self._c_normal
-        )
+            k, near.c_item, dt, per_mass, self.penalty, self.damping, self.tangential, fade,
+            *self._bed, *self._c_normal,
+        )  # fmt: skip
         return self.active
+
+    def _offsets(self, t: float) -> float:
+        """Set the offsets at the first step; return which part of them is left at ``t``."""
+        if self._started is None:
+            self._started, h = t, self.history
+            new = self.near.item[h.gap[self.near.item] < 0.0]
+            rest = h.stiffness[new] > 0.0  # from a static solve
+            if self._lagrange is None:
+                rest = ~rest & (self.initial_overlap == "offset")
+            else:
+                rest |= self.initial_overlap == "offset"
+            h.offset[new[rest]] = -h.gap[new[rest]]
+        if not self.offset_time > 0.0:
+            return 1.0
+        return max(0.0, 1.0 - (t - self._started) / self.offset_time)
 
     def _apply_law(self, m: int, t: float) -> None:
         h = self.history
@@ -185,7 +260,7 @@ class ContactPair:
             state: Displacements as in :meth:`add`; velocities are not read.
             reach: Depth up to which overlap is looked for [m]; a cell if None.
         """
-        depth, c = self.near.deepest(state.u.x.array, reach, self._c)
+        depth, c = self.near.deepest(state.u.x.array, reach)
         if c < 0:
             return 0.0, -1, np.zeros(3)
         return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
@@ -221,19 +296,9 @@ class ContactPair:
         return float(self.history.total[1])
 
     @property
-    def normal_energy(self) -> float:
-        """Energy of the normal springs at the last step [J]."""
-        return float(self.history.total[2])
-
-    @property
-    def tangential_energy(self) -> float:
-        """Energy of the tangential springs at the last step [J]."""
-        return float(self.history.total[3])
-
-    @property
     def stored_energy(self) -> float:
         """Energy of the normal and tangential springs at the last step [J]."""
-        return self.normal_energy + self.tangential_energy
+        return float(self.history.total[2] + self.history.total[3])
 
     @property
     def max_penetration(self) -> float:

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Which contactor nodes may touch which facets: bucket grid and neighbourhood of the patch."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
 from contact.arrays import view
+from contact.smooth import Smooth
 from contact.surface import Surface, facet_areas
 
 Array = npt.NDArray[np.float64]
@@ -57,9 +60,14 @@ class Search:
         outward: Normals of the contactor near the target, shape ``(nc, 3)``.
         size: Square root of the facet areas, shape ``(q,)`` [m].
         kind, around, ring: Topology of the target, see ``kernel.h``.
+        smooth: Its corner normals, None for bilinear facets.
+        flat: What the kernel takes for them there.
     """
 
-    def __init__(self, contactor: Surface, target: Surface) -> None:
+    def __init__(
+        self, contactor: Surface, target: Surface, smooth_below: float | None = None
+    ) -> None:
+        """Prepare; facets that meet at less than ``smooth_below`` [rad] form a smooth target."""
         self.nc = len(contactor.nodes)
         self.n = self.nc + len(target.nodes)
         self.facets = contactor.facets
@@ -72,6 +80,18 @@ class Search:
         self._longest = float(np.linalg.norm(p[:, [0, 1]] - p[:, [2, 3]], axis=2).max())
         self.live = np.zeros(len(self.quad), dtype=np.uint8)
         self.outward = np.zeros((self.nc, 3))
+        self.smooth = None
+        if smooth_below is not None:
+            self.smooth = Smooth(points, self.quad, smooth_below)
+        self.flat = (ffi.NULL,) * 3
+        self._c_track = (
+            *(view(key, a, a.shape, a.dtype) for key, a in (
+                ("quad", self.quad), ("kind", self.kind), ("size", self.size),
+                ("around", self.around), ("ring", self.ring), ("live", self.live),
+                ("outward", self.outward),
+            )),
+            *(self.smooth.c if self.smooth else self.flat),
+        )  # fmt: skip
 
     def _near(self, x: Array, pad: float) -> tuple[Index, Index, Array]:
         """Return contactor nodes and facets (with boxes) that come within ``pad`` [m]."""
@@ -162,5 +182,23 @@ class Search:
         return item[hit == 1]
 
     def neighbourhood(self, item: Index) -> Index:
-        """Return the nodes to keep up to date: ``item`` and those of the live facets."""
-        return np.concatenate([item, np.unique(self.quad[self.live == 1])]).astype(np.int32)
+        """Return the nodes to keep up to date: ``item`` and those of the live facets.
+
+        A smooth target needs the facets round these as well.
+        """
+        facets = self.smooth.choose(self.live) if self.smooth else self.live == 1
+        return np.concatenate([item, np.unique(self.quad[facets])]).astype(np.int32)
+
+    def track(self, k: int, item: Any, xv: Any, history: dict[str, Any]) -> None:
+        """Follow the closest points of ``k`` candidates; all arguments are views.
+
+        Args:
+            k: Number of candidates.
+            item: Candidates.
+            xv: Positions of all nodes.
+            history: ``facet, xi, gap, normal``, which are written.
+        """
+        if self.smooth:
+            self.smooth.update(xv)
+        out = (history[key] for key in ("facet", "xi", "gap", "normal"))
+        lib.wr_track(k, item, xv, *self._c_track, *out)

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact surfaces as flat arrays; the only room of this package that knows DOLFINx domains."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.hexmesh import FACES
+
 if TYPE_CHECKING:
     from meshes.domain import Domain
+    from meshes.hexmesh import HexMesh
 
 Array = npt.NDArray[np.float64]
 
@@ -26,6 +29,8 @@ class Surface:
         facets: Facets as indices into ``nodes``, counter-clockwise from outside, ``(q, 4)``.
         mass: Lumped mass of each node, infinite if rigid, shape ``(n,)`` [kg].
         dofs: Dof block of each node if this rank owns it, else -1, shape ``(n,)``.
+        foundation: Bulk modulus times area over volume of the cell behind each facet, infinite if
+            rigid, shape ``(q,)`` [Pa/m]; None where it is not known.
     """
 
     name: str
@@ -34,6 +39,7 @@ class Surface:
     facets: npt.NDArray[np.int32]
     mass: Array
     dofs: npt.NDArray[np.int32]
+    foundation: Array | None = None
 
     @property
     def rigid(self) -> bool:
@@ -41,7 +47,7 @@ class Surface:
         return bool(np.isinf(self.mass).all())
 
 
-def facet_areas(points: Array, facets: npt.NDArray[np.int32]) -> Array:
+def facet_areas(points: Array, facets: npt.NDArray[np.integer[Any]]) -> Array:
     """Return the area vectors of quads, shape ``(q, 3)`` [m2]; exact for warped ones too."""
     p = points[facets]
     return 0.5 * np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
@@ -90,8 +96,51 @@ def _check(
         )
 
 
+def foundation(
+    mesh: "HexMesh", quads: npt.NDArray[np.int64], bulk: Mapping[int, float], name: str
+) -> Array:
+    """Return bulk modulus times area over volume of the cell behind each quad, ``(q,)`` [Pa/m].
+
+    Raises:
+        ValueError: if a quad is no face of a cell, or its region has no bulk modulus.
+    """
+    on = np.zeros(len(mesh.points), dtype=bool)
+    on[quads] = True
+    behind = np.flatnonzero(on[mesh.cells].sum(axis=1) >= 4)
+    faces = np.sort(mesh.cells[behind][:, FACES].reshape(-1, 4), axis=1)
+    _, place = np.unique(np.vstack([np.sort(quads, axis=1), faces]), axis=0, return_inverse=True)
+    place = place.ravel()
+    owner = np.full(int(place.max()) + 1, -1, dtype=np.int64)
+    owner[place[len(quads) :]] = np.repeat(behind, 6)
+    cell = owner[place[: len(quads)]]
+    if (cell < 0).any():
+        raise ValueError(f"surface {name}: {(cell < 0).sum()} facets are no faces of a cell")
+    regions = mesh.regions[cell]
+    unknown = sorted(set(map(int, np.unique(regions))) - set(bulk))
+    if unknown:
+        raise ValueError(f"surface {name}: no bulk modulus for regions {unknown}")
+    modulus = np.array([bulk[int(tag)] for tag in regions])
+    area = np.linalg.norm(facet_areas(mesh.points, quads), axis=1)
+    return np.asarray(modulus * area / cell_volumes(mesh.points[mesh.cells[cell]]))
+
+
+def cell_volumes(corners: Array) -> Array:
+    """Return the volumes of hexahedra with ``corners`` ``(c, 8, 3)`` in VTK order [m3]."""
+    p = corners[:, FACES] - corners.mean(axis=1)[:, None, None]
+    centre = p.mean(axis=2)
+    cone = 0.0
+    for a in range(4):  # cones from the middle over triangles round the centre of each face
+        cone = cone + np.einsum("cfa,cfa->c", centre, np.cross(p[:, :, a], p[:, :, (a + 1) % 4]))
+    return np.asarray(cone / 6.0)
+
+
 def surface(
-    domain: "Domain", tags: int | Iterable[int], mass: Array, *, name: str | None = None
+    domain: "Domain",
+    tags: int | Iterable[int],
+    mass: Array,
+    *,
+    name: str | None = None,
+    bulk: Mapping[int, float] | None = None,
 ) -> Surface:
     """Return the surface of a domain that carries any of ``tags``; collective.
 
@@ -101,6 +150,7 @@ def surface(
         mass: Lumped nodal mass in the order of ``domain.nodes``, shape ``(n_local,)`` [kg].
             Values of ghosts are not read.
         name: Name for messages; the tags if left out.
+        bulk: Bulk modulus by region tag [Pa]; gives the surface its ``foundation``.
 
     Raises:
         ValueError: if no facet carries the tags, a facet is degenerate or a mass not positive.
@@ -131,7 +181,8 @@ def surface(
             f"surface {name}: expected positive nodal masses, got {everywhere[worst]:.3e} kg "
             f"at node {nodes[worst]}"
         )
-    return Surface(name, nodes, points, local, everywhere, dofs)
+    stiff = None if bulk is None else foundation(mesh, quads, bulk, name)
+    return Surface(name, nodes, points, local, everywhere, dofs, stiff)
 
 
 def rigid_plane(
@@ -163,4 +214,5 @@ def rigid_plane(
         np.array([[0, 1, 2, 3]], dtype=np.int32),
         np.full(4, np.inf),
         np.full(4, -1, dtype=np.int32),
+        np.full(1, np.inf),
     )

@@ -20,7 +20,13 @@
  *   xi         [nc][2]     local coordinates of the closest point, in [-1, 1]
  *   gap        [nc]        signed distance, negative = penetration                  m
  *   normal     [nc][3]     outward unit normal of the target at the closest point
+ *   across     [q][4]      smooth target: neighbour over each edge that shares corner normals,
+ *                          -1: border or sharp edge; NULL: bilinear facets
+ *   corner     [q][4]      number of the normal at each corner
+ *   normals    [m][3]      unit normals at corners
+ *   offset     [nc]        overlap that does not count, added to the gap              m
  *   stiffness  [nc]        normal stiffness, 0: not in contact                      N/m
+ *   damper     [nc]        normal damping constant                                  N s/m
  *   pressing   [nc]        normal force, >= 0                                       N
  *   drag       [nc]        part of it that comes from damping                       N
  *   traction   [nc][3]     tangential force on the contactor node                   N
@@ -28,7 +34,7 @@
  *   friction   [nc]        coefficient of friction
  *   total      [12]        0 friction and 1 damping dissipation, accumulated [J]; then of this
  *                          step: 2 normal and 3 tangential stored energy [J], 4 deepest
- *                          penetration [m], 5 sum of normal forces [N], 6-8 resultant of the
+ *                          penetration, offsets counted in [m], 5 sum of normal forces [N], 6-8 resultant of the
  *                          normal and 9-11 of the tangential forces on the contactor [N]
  */
 
@@ -69,21 +75,33 @@ int64_t wr_search(int64_t k, const int32_t *item, const double *xv, const double
  * border gets an infinite gap. Returns the number of nodes with gap < 0. */
 int64_t wr_track(int64_t k, const int32_t *item, const double *xv, const int32_t *quad,
                  const uint8_t *kind, const double *size, const int32_t *around,
-                 const int32_t *ring, const uint8_t *live, const double *outward, int32_t *facet,
-                 double *xi, double *gap, double *normal);
+                 const int32_t *ring, const uint8_t *live, const double *outward,
+                 const int32_t *across, const int32_t *corner, const double *normals,
+                 int32_t *facet, double *xi, double *gap, double *normal);
+
+/* Averages the normals at the corners of m facets `fresh`; k of them, `used`, are written.
+ *   mirror  [b][4]  by normal: a normal at the border, its node, an inner normal and its node */
+void wr_normals(int64_t m, const int32_t *fresh, const int32_t *quad, const int32_t *corner,
+                int64_t k, const int32_t *used, int64_t b, const int32_t *mirror, const double *xv,
+                double *normals);
 
 /* Normal force, and the slip that friction acts on.
- *   dt        time since the last step, 0 in statics                                s
- *   per_mass  normal stiffness per effective mass                                   1/s2
- *   lag       damping constant over stiffness                                       s
- *   ratio     tangential over normal stiffness
- *   touching  [nc] out: nodes with gap < 0
- * Carries `traction` over into the present tangent plane. Returns the number of touching nodes. */
-int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double lag,
-                  double ratio, const double *xv, const double *mass, const double *area,
-                  const int32_t *quad, const int32_t *facet, const double *xi, const double *gap,
-                  double *normal, double *stiffness, double *pressing, double *drag,
-                  double *traction, double *slip, int32_t *touching, double *total);
+ *   dt         time since the last step, 0 in statics                                s
+ *   per_mass   normal stiffness per effective mass                                   1/s2
+ *   per_area   normal stiffness per area and foundation modulus, where bed_c is not NULL
+ *   fraction   damping constant over the critical one
+ *   ratio      tangential over normal stiffness
+ *   fade       part of the offsets that is left
+ *   bed_c [nc], bed_t [q]   foundation moduli: bulk modulus * area / volume of the cell  Pa/m
+ *   touching   [nc] out: nodes with gap < 0
+ * Adds the offsets to the gaps. Carries `traction` over into the present tangent plane. Returns
+ * the number of touching nodes. */
+int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double per_area,
+                  double fraction, double ratio, double fade, const double *bed_c,
+                  const double *bed_t, const double *xv, const double *mass, const double *area,
+                  const int32_t *quad, const int32_t *facet, const double *xi, const double *normal,
+                  double *gap, double *stiffness, double *damper, double *offset, double *pressing,
+                  double *drag, double *traction, double *slip, int32_t *touching, double *total);
 
 /* Coulomb return map, then adds the forces of both bodies to f (flat, block size 3) on owned dofs.
  * Returns the number of sticking nodes. */
@@ -92,3 +110,35 @@ int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const doub
                     const int32_t *facet, const double *xi, const double *gap, const double *normal,
                     const double *stiffness, const double *pressing, const double *slip,
                     double *traction, double *f, double *total);
+
+/* Positions and velocities one step ahead, under the forces f of everything but the contact, of
+ * nodes that this rank owns or that do not move.
+ *   ahead  [n][6]  as xv, at t + dt and t + dt / 2                                  m, m/s */
+void wr_predict(int64_t k, const int32_t *item, const int32_t *dof, const double *mass, double dt,
+                const double *xv, const double *f, double *ahead);
+
+/* Deepest penetration of k nodes at the closest points that they have. */
+double wr_overlap(int64_t k, const int32_t *touching, const double *xv, const int32_t *quad,
+                  const int32_t *corner, const double *normals, const int32_t *facet,
+                  const double *xi, const double *normal);
+
+#define WR_ROW 22
+
+/* Forces that close the gaps at t + dt without tension, Coulomb friction that stops the slip where
+ * it can: projected Gauss-Seidel on the nodes coupled by the facets they share. They are added to
+ * f and counted in total as by wr_friction.
+ *   tolerance  last move over deepest overlap at which the sweeps end
+ *   gap        in: at t + dt without contact; offsets are added                     m
+ *   approach   [nc]  in/out: how far the node comes closer over the step, from force to force  m
+ *   slip             in/out: tangential slip over the step, likewise                m
+ *   pressing, traction  in: of the last step
+ *   work [nc][WR_ROW], dv [n][3]   workspace
+ *   info [2]   out: sweeps, last move over deepest overlap
+ * Returns the number of touching nodes. */
+int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double tolerance, int64_t sweeps,
+                    double fade, const double *friction, const double *xv, const double *ahead,
+                    const double *mass, const int32_t *dof, const int32_t *quad,
+                    const int32_t *facet, const double *xi, const double *normal, double *gap,
+                    double *stiffness, double *offset, double *pressing, double *approach,
+                    double *traction, double *slip, int32_t *touching, double *work, double *dv,
+                    double *f, double *total, double *info);
