@@ -12,19 +12,23 @@ CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of the reference squ
 BEYOND = 1.5  # farthest reference coordinate of a point beside a facet that still hangs on it
 
 
-def parts(quads: Index) -> list[Index]:
-    """Return the quads of each connected part of a surface, in the order of their first quads."""
+def parts(groups: Index) -> list[Index]:
+    """Return the connected parts of a surface's quads or of cells, in the order of their first one.
+
+    Args:
+        groups: Nodes of each quad or cell, shape ``(q, k)``.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    nodes, local = np.unique(quads, return_inverse=True)
-    local = local.reshape(quads.shape)
-    pairs = local[:, [0, 0, 0]].ravel(), local[:, 1:].ravel()
+    nodes, local = np.unique(groups, return_inverse=True)
+    local = local.reshape(groups.shape)
+    pairs = np.repeat(local[:, 0], groups.shape[1] - 1), local[:, 1:].ravel()
     links = coo_array((np.ones(len(pairs[0])), pairs), shape=(len(nodes),) * 2)
     _, label = connected_components(links, directed=False)
-    of_quad = label[local[:, 0]]
-    _, first = np.unique(of_quad, return_index=True)
-    return [quads[of_quad == of_quad[i]] for i in np.sort(first)]
+    of_group = label[local[:, 0]]
+    _, first = np.unique(of_group, return_index=True)
+    return [groups[of_group == of_group[i]] for i in np.sort(first)]
 
 
 def shares(points: Array, quads: Index, start: float, end: float) -> tuple[Index, Array]:

@@ -81,7 +81,7 @@ def test_the_rail_carries_the_weight_at_the_start(record):
     """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 5 % to 0.3 ms."""
     body = record.body
     assert body is not None
-    rail = np.isin(body.regions, [int(t) for t in RAIL])
+    rail = np.isin(body.regions, [int(t) for t in (*RAIL, Tag.SLEEPER)])
     steel = RHO * volumes(body)[~rail].sum()
     weight = GRAVITY * (steel + record.scene["vehicle"]["sprung_mass"])
     assert {Tag(t) for t in np.unique(body.regions[~rail])} == {

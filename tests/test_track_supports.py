@@ -25,6 +25,7 @@ from workflow.model import Model, build
 from workflow.running import start
 from workflow.scene import Scene, SceneError
 from workflow.stepping import central_difference
+from workflow.track import follow, sleeper_bodies
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 CONCRETE = {"youngs_modulus": 38.4e9, "poisson_ratio": 0.2, "density": 2520.0}
@@ -168,6 +169,24 @@ def test_row_20_deflection_on_pads_and_sleepers(tmp_path):
         web = (np.abs(X[:, 0] - x) < 0.02) & (np.abs(X[:, 2] - section.centroid[1]) < 0.02)
         found.append(-model.state.u.x.array[2::3][web].mean())
     assert np.mean(found) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("solid", [True, False])
+def test_sleepers_start_with_the_rail_over_them(tmp_path, solid):
+    """A rail that turns about y with 0.1 rad/s: each sleeper moves as the rail at its middle."""
+    model = build(scene(tmp_path, solid=solid), MPI.COMM_SELF)
+    X, v = model.domain.V.tabulate_dof_coordinates(), model.state.v.x.array.reshape(-1, 3)
+    over = model.body_dofs("rail")
+    v[over, 2] = 0.2 - 0.1 * X[over, 0]
+    follow(model)
+    middles = SPACING * np.arange(-1, 2)
+    if not solid:
+        np.testing.assert_allclose(model.connections.masses.v[:, 2], 0.2 - 0.1 * middles)
+        return
+    dofs = model.body_dofs("sleepers")
+    nearest = SPACING * np.round(X[dofs, 0] / SPACING)
+    np.testing.assert_allclose(v[dofs, 2], 0.2 - 0.1 * nearest, rtol=1e-12)
+    assert sleeper_bodies(model.scene, model.domain) == {"sleepers"}
 
 
 # the ends of the rail

@@ -13,6 +13,7 @@ from forms.elasticity import full
 from forms.kernel import CellKernel
 from workflow.attachments import axle, drive
 from workflow.model import Model
+from workflow.track import follow, sleeper_bodies
 
 Array = npt.NDArray[np.float64]
 
@@ -67,6 +68,7 @@ def start(model: Model) -> None:
     v = state.v.x.array.reshape(-1, 3)
     if rolling.steady_start:
         v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
+        follow(model)
     dofs = model.body_dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
@@ -79,12 +81,13 @@ def start(model: Model) -> None:
 def flow(model: Model, V: Array, omega: Array, centre: Array) -> dict[str, Any]:
     """Velocity of each body's material through the pattern of deformation, as UFL vectors.
 
-    ``ω × χ`` in the wheelset, ``-V`` in all other bodies.
+    ``ω × χ`` in the wheelset, ``-V`` in all other bodies but sleepers, which stay where they are.
     """
     rolling, x = model.scene.rolling, ufl.SpatialCoordinate(model.domain.msh)
     assert rolling is not None
     arm = x - ufl.as_vector([float(c) for c in centre])
-    flows = dict.fromkeys(model.scene.bodies, ufl.as_vector([-float(c) for c in V]))
+    passed = model.scene.bodies.keys() - sleeper_bodies(model.scene, model.domain)
+    flows = dict.fromkeys(sorted(passed), ufl.as_vector([-float(c) for c in V]))
     return flows | {rolling.body: ufl.cross(ufl.as_vector([float(c) for c in omega]), arm)}
 
 

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Springs, dampers and point masses of a scene: pads, sleepers, ballast, suspension, dashpots."""
 
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +18,9 @@ from workflow.scene import Scene, SceneError
 from workflow.sections import Support
 from workflow.surfaces import area_shares, facets, surface_nodes
 from workflow.track_tables import Absorbing, Track, Vehicle
+
+if TYPE_CHECKING:
+    from workflow.model import Model
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -97,6 +104,11 @@ def seat(track: Track, domain: Domain, centre: float) -> Seat:
         raise SceneError(f"track.seat_length = {track.seat_length}: {error}") from None
 
 
+def middle(corners: Array) -> float:
+    """Return the middle of a sleeper along the rail [m], from points of shape ``(q, 4, 3)``."""
+    return float(corners[..., 0].min() + corners[..., 0].max()) / 2
+
+
 def seats_of_points(track: Track, domain: Domain) -> list[Seat]:
     """Return the seats over sleepers that are point masses, from the middle of the rail."""
     assert track.sleeper_spacing is not None
@@ -131,8 +143,7 @@ def pads_on_solids(track: Track, domain: Domain) -> Between:
     assert track.sleeper_top is not None
     points, found = domain.source.points, []
     for top in seats.parts(facets(domain, track.sleeper_top)):
-        x = points[top][:, :, 0]
-        nodes, share = seat(track, domain, float(x.min() + x.max()) / 2)
+        nodes, share = seat(track, domain, middle(points[top]))
         try:
             facet, weights = seats.below(points, top, points[nodes])
         except ValueError as error:
@@ -182,3 +193,49 @@ def dashpots(scene: Scene, domain: Domain, entry: Absorbing) -> Dashpots:
     nodes = np.unique(quads)
     dofs = domain.local_dofs(nodes)
     return Dashpots(dofs[dofs >= 0], matrix[nodes[dofs >= 0]])
+
+
+def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
+    """Return the names of the bodies that are solid sleepers."""
+    if scene.track is None or scene.track.sleeper_top is None:
+        return set()
+    mesh, on = domain.source, np.zeros(len(domain.source.points), dtype=bool)
+    on[surface_nodes(domain, scene.track.sleeper_top)] = True
+    regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
+    return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
+
+
+def follow(model: "Model") -> None:
+    """Give each sleeper the mean vertical velocity of the rail over its seat, in place.
+
+    Under a travelling load the rail sinks ahead of it and rises behind; sleepers at rest would be
+    struck through the stiff pads.
+    """
+    track, domain, scene = model.scene.track, model.domain, model.scene
+    if track is None:
+        return
+    v, mesh = model.state.v.x.array.reshape(-1, 3), domain.source
+    if track.sleeper_top is None:
+        assert model.connections is not None
+        speeds = sinking(domain, seats_of_points(track, domain), v)
+        model.connections.masses.v[: len(speeds), 2] = speeds
+        return
+    tops = seats.parts(facets(domain, track.sleeper_top))
+    under = [seat(track, domain, middle(mesh.points[top])) for top in tops]
+    tags = [tag for body in sleeper_bodies(scene, domain) for tag in scene.bodies[body].regions]
+    number = np.full(len(mesh.points), -1)
+    for k, part in enumerate(seats.parts(mesh.cells[np.isin(mesh.regions, mesh.tags(tags))])):
+        number[part] = k
+    for top, speed in zip(tops, sinking(domain, under, v), strict=True):
+        dofs = domain.local_dofs(np.flatnonzero(number == number[top[0, 0]]))
+        v[dofs[dofs >= 0], 2] = speed
+
+
+def sinking(domain: Domain, under: list[Seat], v: Array) -> Array:
+    """Return the mean vertical velocity of the rail on each seat, shape ``(s,)`` [m/s]."""
+    speeds = np.zeros(len(under))
+    for i, (nodes, share) in enumerate(under):
+        dofs = domain.local_dofs(nodes)
+        speeds[i] = share[dofs >= 0] @ v[dofs[dofs >= 0], 2]
+    domain.msh.comm.Allreduce(MPI.IN_PLACE, speeds)
+    return speeds
