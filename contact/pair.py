@@ -296,9 +296,19 @@ class ContactPair:
         return float(self.history.total[1])
 
     @property
+    def normal_energy(self) -> float:
+        """Energy of the normal springs at the last step [J]."""
+        return float(self.history.total[2])
+
+    @property
+    def tangential_energy(self) -> float:
+        """Energy of the tangential springs at the last step [J]."""
+        return float(self.history.total[3])
+
+    @property
     def stored_energy(self) -> float:
         """Energy of the normal and tangential springs at the last step [J]."""
-        return float(self.history.total[2] + self.history.total[3])
+        return self.normal_energy + self.tangential_energy
 
     @property
     def max_penetration(self) -> float:
