@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -26,6 +24,8 @@ class Patch:
         tangential_force: Vector sum of the tangential forces, shape ``(3,)`` [N].
         contact_angle: Angle of ``normal_resultant`` from the vertical in the y-z plane [rad].
         max_pressure: Largest normal force over tributary area [Pa].
+        frame: Longitudinal, lateral and normal direction, see :func:`frame_of`, shape ``(3, 3)``.
+        spin_moment: Moment of the tangential forces about the normal through ``centre`` [N m].
     """
 
     nodes: int
@@ -37,6 +37,33 @@ class Patch:
     tangential_force: Array
     contact_angle: float
     max_pressure: float
+    frame: Array
+    spin_moment: float
+
+    @property
+    def force(self) -> Array:
+        """Vector sum of all forces, shape ``(3,)`` [N]."""
+        return self.normal_resultant + self.tangential_force
+
+    @property
+    def force_in_frame(self) -> Array:
+        """Its longitudinal, lateral and normal part, shape ``(3,)`` [N]."""
+        return self.frame @ self.force
+
+    @property
+    def shear_stress(self) -> Array:
+        """Longitudinal and lateral tangential force over area, shape ``(2,)`` [Pa]."""
+        return self.frame[:2] @ self.tangential_force / self.area
+
+    @property
+    def shear_angle(self) -> float:
+        """Angle of the shear on the target from the negative longitudinal axis [rad].
+
+        Positive towards the negative lateral axis. Where the contactor is a driven wheel the shear
+        on the rail points backwards and the angle is small.
+        """
+        longitudinal, lateral = self.shear_stress
+        return float(np.arctan2(lateral, longitudinal))
 
 
 @dataclass(frozen=True)
@@ -87,23 +114,16 @@ def stick_zone(limit: Array, tangential: Array, tolerance: float) -> npt.NDArray
     return limit - size > tolerance * size.max(initial=0.0)
 
 
-def connected(facets: npt.NDArray[np.int32], touching: Index, n: int) -> Index:
-    """Return the component of each touching node; nodes of one facet are connected.
+def frame_of(normal: Array) -> Array:
+    """Return the frame of a patch as rows: longitudinal, lateral, normal; shape ``(3, 3)``.
 
-    Args:
-        facets: Contactor facets, shape ``(q, 4)``.
-        touching: Surface nodes in contact, shape ``(k,)``.
-        n: Number of surface nodes.
+    Longitudinal is the x axis of the track laid into the tangent plane (the y axis, where the
+    normal is along x), and lateral = normal x longitudinal.
     """
-    place = np.full(n, -1, dtype=np.int64)
-    place[touching] = np.arange(len(touching))
-    corner = place[facets]
-    corner = corner[(corner >= 0).sum(axis=1) > 1]
-    i, j = np.repeat(corner, 4, axis=1).ravel(), np.tile(corner, (1, 4)).ravel()
-    both = (i >= 0) & (j >= 0)
-    shape = (len(touching), len(touching))
-    graph = coo_array((np.ones(both.sum()), (i[both], j[both])), shape=shape)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    axis = np.eye(3)[1 if abs(normal[0]) > 0.9 else 0]
+    along = axis - (axis @ normal) * normal
+    along /= np.linalg.norm(along)
+    return np.array([along, np.cross(normal, along), normal])
 
 
 def _patch(
@@ -112,16 +132,21 @@ def _patch(
 ) -> Patch:  # fmt: skip
     force = pressing[nodes]
     resultant = force @ normal[nodes]
+    frame = frame_of(resultant / np.linalg.norm(resultant))
+    centre = force @ position[nodes] / force.sum()
+    moment = np.cross(position[nodes] - centre, traction[nodes]).sum(axis=0)
     return Patch(
         nodes=len(nodes),
         sticking=int(stick[nodes].sum()),
         area=float(area[nodes].sum()),
-        centre=force @ position[nodes] / force.sum(),
+        centre=centre,
         normal_force=float(force.sum()),
         normal_resultant=resultant,
         tangential_force=traction[nodes].sum(axis=0),
         contact_angle=float(np.arctan2(abs(resultant[1]), abs(resultant[2]))),
         max_pressure=float((force / area[nodes]).max()),
+        frame=frame,
+        spin_moment=float(frame[2] @ moment),
     )
 
 
@@ -131,7 +156,8 @@ def footprint_of(
 ) -> Footprint:  # fmt: skip
     """Return the footprint of nodes in contact; arrays as in :class:`Footprint`.
 
-    ``component`` ``(n,)`` tells connected nodes; patches are numbered from high y to low y.
+    ``component`` ``(n,)`` tells which nodes belong together; patches are numbered
+    from high y to low y.
     """
     stick = stick_zone(friction * pressing, traction, stick_tolerance)
     count = int(component.max(initial=-1)) + 1

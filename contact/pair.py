@@ -8,11 +8,12 @@ import numpy.typing as npt
 
 from contact._kernel import ffi, lib
 from contact.arrays import view
-from contact.footprint import Footprint, connected, footprint_of
+from contact.footprint import Footprint, footprint_of
 from contact.friction import Coulomb, Law, LawState, as_law, coefficients
 from contact.history import History
 from contact.lagrange import Lagrange
 from contact.neighbourhood import Neighbourhood
+from contact.patches import beside, parted
 from contact.normal_law import METHODS, node_foundation
 from contact.state import State, Vector
 from contact.surface import Surface, tributary_area
@@ -340,11 +341,25 @@ class ContactPair:
         h = self.history
         touching = h.touching[: self.active].astype(np.int64)
         c = touching[h.pressing[touching] > 0.0]
+        neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
         return footprint_of(
             self.contactor.nodes[c], self.near.exchange.xv[c, :3], h.normal[c], h.pressing[c],
             h.traction[c], self.area[c], h.slip[c] / self.dt, h.friction[c],
-            connected(self.contactor.facets, c, len(self.contactor.nodes)), stick_tolerance,
+            parted(h.pressing[c] / self.area[c], neighbours), stick_tolerance,
         )  # fmt: skip
+
+    def surfaces(self, state: State) -> tuple[Array, Array]:
+        """Return position and velocity of all nodes [m, m/s]; collective.
+
+        Args:
+            state: The state of the last step.
+
+        Returns:
+            Contactor ``(nc, 6)`` and target ``(nt, 6)``; velocities are half a step older.
+        """
+        self.near.exchange.whole(state.u.x.array, state.v.x.array)
+        xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
+        return xv[:nc], xv[nc:]
 
     # ---- memory ---------------------------------------------------------------------------
 
