@@ -12,11 +12,12 @@ from meshes.section import Section, assembled, coons, divided, spaced, straight
 from meshes.stations import COARSEST, fine_railhead, stations
 
 WEB_COLUMNS = 4
-WEB_ROWS = 5
+WEB_ROWS = 6
 FOOT_ROWS = 2
 WING_COLUMNS = 5
 SHALLOW = 0.010  # first row of a head refined once: deeper columns grow thin under the corner
-UPRIGHT = 5.0  # weight of columns at right angles to the running surface, if refined twice
+UPRIGHT = 6.0  # weight of columns at right angles to the running surface, if refined twice
+THINNEST = 2.2  # of the rows below the first, the next may have this part of what is left
 SHOULDER = 0.0115  # half the width of the core of the head
 STEEP = np.radians(60.0)  # an end of a head steeper than this is carried on as it is
 SIDE = np.arctan(20.0)  # slope of the sides that a head without sides gets
@@ -195,7 +196,7 @@ def _under(end: Array, lower: Below, top: float, row: float, way: int) -> Array:
     scale = (np.array([way * end[0], end[1]]) - foot) / (under[0] - foot)
     under = foot + (under - foot) * scale
     length = np.hypot(*np.diff(under, axis=0).T).sum()
-    fillet = max(lower.fillet, 1.7 * row)
+    fillet = min(max(lower.fillet, 1.7 * row), row + (length - row) / THINNEST)
     depth = np.array([0.0, row, fillet, (fillet + length) / 2, length]) / length
     return spaced(under, depth) * [way, 1]
 

@@ -158,7 +158,7 @@ def _rim(profile: Profile, columns: Array, web: Array, inside: float, row: float
     left_under = _filleted(left[0], under[0], under_rim // 2)
     right_under = _filleted(right[0], under[1], under_rim - under_rim // 2)[::-1]
     bottom = np.vstack([left_under, web[-1, 1:-1], right_under])
-    sides = [spaced(edge, 1 - _rows(edge, k * row)) for edge, k in ((left, 1.3), (right, 1.0))]
+    sides = [spaced(edge, 1 - _rows(edge, k * row)) for edge, k in ((left, 1.5), (right, 1.0))]
     return coons(bottom, sides[1], profile.at(columns), sides[0])
 
 

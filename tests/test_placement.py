@@ -6,6 +6,8 @@ from meshes.measured import from_points
 from meshes.outline import gap_function, outline
 from meshes.placement import lateral_shift_for, place, placed, rail_in_track
 from meshes.profiles import rail_54e1, s1002, shifted
+from meshes.tags import Tag
+from meshes.wheelset import wheelset
 
 
 def cone(slope):
@@ -66,3 +68,81 @@ def test_gap_out_of_reach():
 def test_wheel_beside_the_rail():
     with pytest.raises(ValueError, match="not above the rail"):
         place(rail=shifted(rail_54e1(), [2.0, 0.0]))
+
+
+def crown(radius=0.3):
+    """A round rail head, its top at (0.75, 0), drawn by points 0.25 mm apart."""
+    y = np.linspace(-0.035, 0.035, 281)
+    points = np.column_stack([y + 0.75, np.sqrt(radius**2 - y**2) - radius])
+    return from_points(points)
+
+
+@pytest.mark.parametrize("shift", [-0.005, 0.0, 0.01])
+@pytest.mark.parametrize(("yaw", "roll"), [(0.0, 0.0), (0.02, 0.0), (-0.05, 0.0), (0.0, 0.01)])
+def test_cone_on_crown(shift, yaw, roll):
+    """A 1:20 cone touches a 300 mm crown where the slopes agree.
+
+    Normals without x lie at sin θ = γ tan ψ ahead of the bottom, so the outline of the cone is a
+    line of slope tan β = γ / (cos ψ cos θ), turned by the roll; it touches 300 mm sin β off the
+    middle, and the centre stands r cos θ above that point.
+    """
+    slope, radius = 1 / 20, 0.46
+    p = place(cone(slope), crown(), shift=shift, yaw=yaw, roll=roll)
+    sine = slope * np.tan(yaw)
+    cosine = np.sqrt(1 - sine**2)
+    beta = np.arctan(slope / (np.cos(yaw) * cosine)) + roll
+    y, z = 0.75 - 0.3 * np.sin(beta), 0.3 * np.cos(beta) - 0.3
+    assert p.tread_point[1:] == pytest.approx([y, z], abs=1e-5)
+    assert p.tread_angle == pytest.approx(beta, abs=1e-7)
+    along = (y - 0.75 - shift) / np.cos(yaw)  # on the axle, but for the lead of the contact
+    if roll == 0.0:
+        eta = (along - radius * sine * np.tan(yaw)) / (1 - slope * sine * np.tan(yaw))
+        r = radius - slope * eta
+        assert p.rolling_radius == pytest.approx(r, abs=1e-6)
+        assert p.centre[2] == pytest.approx(z + r * cosine, abs=1e-6)
+        assert p.tread_point[0] == pytest.approx(
+            r * sine * np.cos(yaw) - eta * np.sin(yaw), abs=1e-5
+        )
+    else:
+        base = np.array([np.cos(roll), np.sin(roll)])
+        foot = np.array([y - 0.75 - shift, z - p.centre[2]])
+        eta = foot @ base
+        assert radius - slope * eta == pytest.approx(foot @ [base[1], -base[0]], abs=1e-7)
+    assert p.flange_gap is None
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.01])
+def test_gap_function_of_cone(roll):
+    """Over a crown the outline of a cone is a line: gap z₀ + (y - y₀) tan β - √(ρ² - y²) + ρ."""
+    wheel, rail = cone(1 / 20), crown()
+    p = place(wheel, rail, shift=0.003, roll=roll)
+    gap = gap_function(wheel, rail, p.centre, radius=0.46, roll=roll)
+    y, z = gap.points[:, 1] - 0.75, gap.points[:, 2]
+    over = np.isfinite(gap.vertical)
+    line = p.tread_point[2] + (y - p.tread_point[1] + 0.75) * np.tan(np.arctan(1 / 20) + roll)
+    assert z == pytest.approx(line, abs=1e-9)
+    exact = (line - np.sqrt(0.3**2 - y**2, where=over, out=np.ones_like(y)) + 0.3)[over]
+    assert gap.vertical[over] == pytest.approx(exact, abs=2e-9)
+    inside = over & (np.abs(y) < 0.03)
+    radial = np.hypot(y, z + 0.3) - 0.3
+    assert gap.normal[inside] == pytest.approx(radial[inside], abs=1e-8)
+    nearest = 0.5e-4**2 / 2 / 0.3  # a point at most half a spacing from the contact
+    assert -1e-9 < gap.vertical[over].min() < nearest + 1e-9
+
+
+@pytest.mark.parametrize(("yaw", "roll"), [(0.02, 0.0), (0.0, 0.03), (0.03, -0.02)])
+def test_placed_mesh_follows_the_outline(yaw, roll):
+    """No node of the placed tread lies below the outline; one comes within 20 µm of it."""
+    p = place(shift=0.004, yaw=yaw, roll=roll)
+    mesh = placed(wheelset(size=4e-3), p)
+    x = mesh.points[np.unique(mesh.surface(Tag.TREAD))]
+    s = np.arange(0.06, 0.12, 1e-5)
+    line = (outline(s1002(), s, 0.46, yaw, roll) + p.centre)[:, 1:]
+    band = (x[:, 1] > line[:, 0].min() + 2e-3) & (x[:, 1] < line[:, 0].max() - 2e-3)
+    clear = x[band, 2] - np.interp(x[band, 1], *line.T)
+    assert clear.min() > -1e-7 and clear.min() < 2e-5
+
+
+def test_gap_needs_a_flange():
+    with pytest.raises(ValueError, match="flange_gap: expected a wheel with a flange"):
+        lateral_shift_for(cone(0.05), crown())

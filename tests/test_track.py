@@ -2,17 +2,20 @@
 import numpy as np
 import pytest
 
-from meshes.hexmesh import boundary
+from meshes.hexmesh import FACES, boundary
+from meshes.measured import from_points
 from meshes.placement import rail_in_track
+from meshes.profiles import rail_54e1
 from meshes.quality import quality, volumes
+from meshes.rail_section import completed
 from meshes.split import edges_of, trisect
 from meshes.tags import Tag
-from meshes.track import rail
+from meshes.track import rail as track
 
 
 @pytest.fixture(scope="module", params=[8e-3, 4e-3, pytest.param(2e-3, marks=pytest.mark.slow)])
 def mesh(request):
-    return request.param, rail(3.0, -1.0, size=request.param, zone=(-0.05, 0.15))
+    return request.param, track(3.0, -1.0, size=request.param, zone=(-0.05, 0.15))
 
 
 def brick(n):
@@ -62,6 +65,88 @@ def test_shape_and_volume(mesh):
     assert np.array_equal(np.unique(msh.cells), np.arange(q.nodes))
 
 
+STANDARDS = {"54E1": (69.77e-4, 2337.9e-8, 419.2e-8), "60E1": (76.70e-4, 3038.3e-8, 512.3e-8)}
+
+
+@pytest.mark.parametrize("size", [8e-3, 4e-3, 2e-3, 1e-3])
+@pytest.mark.parametrize("design", STANDARDS)
+def test_section_of_the_mesh(design, size):
+    """Area and second moments of the meshed section are the standard's within 0.5 %."""
+    msh = track(1.0, -0.5, size=size, zone=(0.0, 0.02), inclination=0.0, design=design)
+    ends = msh.points[msh.surface(Tag.RAIL_ENDS)]
+    quads = ends[ends[:, 0, 0] == -0.5][:, :, 1:]
+    y, z = quads[..., 0], quads[..., 1]
+    y_next, z_next = np.roll(y, -1, axis=1), np.roll(z, -1, axis=1)
+    cross = y * z_next - y_next * z
+    area = cross.sum() / 2
+    centre = [(cross * (u + v)).sum() / 6 / area for u, v in ((y, y_next), (z, z_next))]
+    second = [
+        (cross * (u * u + u * v + v * v)).sum() / 12 / area - c**2
+        for (u, v), c in zip(((y, y_next), (z, z_next)), centre, strict=True)
+    ]
+    found = abs(area) * np.array([1.0, second[1], second[0]])
+    assert found == pytest.approx(np.array(STANDARDS[design]), rel=5e-3)
+
+
+def test_no_hanging_nodes(mesh):
+    """Every facet belongs to one or two cells, every edge of the surface to two of its facets."""
+    _, msh = mesh
+    facets = np.sort(msh.cells[:, FACES].reshape(-1, 4), axis=1)
+    assert np.unique(facets, axis=0, return_counts=True)[1].max() == 2
+    skin = boundary(msh.cells)
+    edges = np.sort(np.stack([skin, np.roll(skin, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def crown(radius, half):
+    """A round rail head, its top at (0, 0), without sides."""
+    y = np.linspace(-half, half, 141)
+    return from_points(np.column_stack([y, np.sqrt(radius**2 - y**2) - radius]))
+
+
+def worn(wear):
+    """54E1 with the gauge corner worn off towards the gauge side, up to ``wear``."""
+    points = rail_54e1().at(np.arange(2e-3, rail_54e1().length - 1e-3, 1e-3))
+    gone = wear * np.clip(-points[:, 0] / 0.036, 0, 1) ** 2
+    return from_points(points + np.column_stack([gone, -gone]), smoothing=1e-5)
+
+
+HEADS = {"crown": crown(0.3, 0.035), "narrow": crown(0.3, 0.030), "worn": worn(3e-3)}
+
+
+@pytest.mark.parametrize("size", [8e-3, 2e-3])
+@pytest.mark.parametrize("design", ["54E1", "60E1"])
+@pytest.mark.parametrize("head", HEADS)
+def test_any_head(head, design, size):
+    """A head of another shape on web and foot of a standard rail: valid, without overlap."""
+    msh = track(1.0, -0.5, size=size, zone=(0.0, 0.02), profile=HEADS[head], design=design)
+    q = quality(msh)
+    assert volumes(msh).min() > 0 and q.scaled_jacobian > 0.25
+    assert q.volume == pytest.approx(q.enclosed, rel=1e-12)
+    assert 0.7 < q.volume / STANDARDS[design][0] < 1.15
+
+
+def test_head_without_sides():
+    """A crown gets sides of slope 20:1 down to the height of the lower head corner of 54E1."""
+    head = completed(crown(0.3, 0.035))
+    edge = np.array([-0.035, np.sqrt(0.3**2 - 0.035**2) - 0.3])
+    drop = edge[1] + 0.034057
+    assert head.at(0.0) == pytest.approx([edge[0] - drop / 20, -0.034057], abs=1e-6)
+    start, end = head.joints[0], head.joints[1]
+    assert end - start == pytest.approx(drop * np.hypot(1, 1 / 20), rel=1e-4)
+    assert completed(head).length == pytest.approx(head.length, rel=1e-9)
+    assert completed(rail_54e1()).length == pytest.approx(rail_54e1().length, rel=1e-6)
+
+
+def test_head_of_the_whole_outline():
+    """From a rail drawn all round only the running surface is taken."""
+    outline = rail_54e1("outline")
+    half = outline.length / 2
+    s = np.concatenate([np.arange(half + 1e-3, outline.length, 1e-3), np.arange(0, half, 1e-3)])
+    head = completed(from_points(outline.at(s)))
+    assert head.length == pytest.approx(rail_54e1().length, abs=5e-5)
+
+
 def test_surfaces(mesh):
     """Railhead nodes lie on the profile in the track; ends and foot have the areas drawn."""
     _, msh = mesh
@@ -93,7 +178,7 @@ def test_fine_zone(mesh):
 
 def test_support_stations():
     """Cells under the foot are at most 100 mm long, so that pads find their nodes."""
-    msh = rail(size=8e-3)
+    msh = track(size=8e-3)
     x = np.unique(np.round(msh.points[np.unique(msh.surface(Tag.FOOT_UNDERSIDE)), 0], 6))
     assert np.diff(x).max() <= 0.1 + 1e-9 and x[0] == -5.0 and x[-1] == 5.0
 
@@ -104,7 +189,7 @@ def test_support_stations():
 )
 def test_bad_input(change, message):
     with pytest.raises(ValueError, match=message):
-        rail(**change)
+        track(**change)
 
 
 def area(msh, tag):

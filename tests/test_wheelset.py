@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from meshes.axle import Axle
+from meshes.hexmesh import FACES, boundary
+from meshes.measured import from_points
 from meshes.placement import lateral_shift_for, placed
 from meshes.profiles import s1002
 from meshes.quality import quality, volumes
@@ -61,6 +64,78 @@ def test_fine_zone(mesh):
     column = zone & (np.abs(arc - arc[lateral][np.abs(arc[lateral]).argmin()]) < 1e-4)
     root = column & (centre[:, 1] > -0.0385) & (centre[:, 1] < -0.026)
     assert root.sum() >= 8
+
+
+def test_no_hanging_nodes(mesh):
+    """Every facet belongs to one or two cells, every edge of the surface to two of its facets."""
+    _, msh = mesh
+    facets = np.sort(msh.cells[:, FACES].reshape(-1, 4), axis=1)
+    assert np.unique(facets, axis=0, return_counts=True)[1].max() == 2
+    skin = boundary(msh.cells)
+    edges = np.sort(np.stack([skin, np.roll(skin, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def test_hub_keeps_its_own_spacing(mesh):
+    """Arcs at the bore stay 10 to 30 mm long however fine the tread is."""
+    _, msh = mesh
+    hub = np.unique(msh.cells[msh.regions == Tag.HUB])
+    x = msh.points[hub] - [0, 0.75, 0]
+    bore = np.abs(np.hypot(x[:, 0], x[:, 2]) - 0.092) < 1e-6
+    angles = np.unique(np.round(np.arctan2(x[bore, 0], -x[bore, 2]), 6))
+    assert 0.010 < 0.092 * np.diff(angles).min() and 0.092 * np.diff(angles).max() < 0.030
+
+
+def sampled(profile, wear=0.0, spacing=1e-3):
+    """A profile as a measured one: points, and wear that hollows the tread."""
+    points = profile.at(np.linspace(0, profile.length, round(profile.length / spacing)))
+    hollow = wear * np.exp(-(((points[:, 0] - 0.005) / 0.02) ** 2)) * (points[:, 1] < 0.003)
+    return from_points(points - np.column_stack([0 * hollow, hollow]), smoothing=2e-6)
+
+
+def cone(slope):
+    """A straight conical profile from -60 to 60 mm."""
+    y = np.linspace(-0.06, 0.06, 25)
+    return from_points(np.column_stack([y, -slope * y]))
+
+
+PROFILES = {"cone": cone(0.05), "cylinder": cone(0.0), "points": sampled(s1002())}
+PROFILES["hollow"] = sampled(s1002(), 2e-3)
+PROFILES["narrow"] = sampled(s1002(chamfer=False))
+
+
+@pytest.mark.parametrize("size", [8e-3, 4e-3, 2e-3])
+@pytest.mark.parametrize("name", PROFILES)
+def test_any_profile(name, size):
+    """Valid cells without overlap; nodes of the tread on the profile; fine about the touch."""
+    profile = PROFILES[name]
+    touch = float(np.interp(-0.01, profile.points[:, 0], profile.s))
+    msh = wheelset(size=size, zone=(-0.02, 0.05), profile=profile, touch=touch)
+    q = quality(msh)
+    assert volumes(msh).min() > 0 and q.scaled_jacobian > 0.25
+    assert q.volume == pytest.approx(q.enclosed, rel=1e-12)
+    quads = msh.points[msh.surface(Tag.TREAD)] - [0, 0.75, 0]
+    r = np.hypot(quads[..., 0], quads[..., 2])
+    fine = cKDTree(profile.at(np.arange(0, profile.length, 2e-5)))
+    drawn = np.stack([quads[..., 1], r - 0.46], axis=-1).reshape(-1, 2)
+    assert fine.query(drawn)[0].max() < 2.1e-5
+    centre = quads.mean(axis=1)
+    arc = 0.46 * np.arctan2(centre[:, 0], -centre[:, 2])
+    near = (np.abs(centre[:, 1] + 0.01) < 0.01) & (arc > -0.02) & (arc < 0.05)
+    edges = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=2)
+    assert near.any() and edges[near].max() < 1.31 * size
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([[-0.02, 0.0], [0.0, 0.0], [0.01, 0.0], [0.02, 0.0]], "expected a rim from"),
+        ([[-0.07, -0.06], [-0.02, -0.05], [0.02, -0.05], [0.065, -0.06]], "20 mm of rim"),
+    ],
+)
+def test_bad_profile(points, message):
+    with pytest.raises(ValueError, match=message):
+        wheelset(size=8e-3, profile=from_points(np.array(points)))
 
 
 def test_axle(mesh):
