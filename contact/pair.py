@@ -348,16 +348,17 @@ class ContactPair:
             parted(h.pressing[c] / self.area[c], neighbours), stick_tolerance,
         )  # fmt: skip
 
-    def surfaces(self, state: State) -> tuple[Array, Array]:
+    def surfaces(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Return position and velocity of all nodes [m, m/s]; collective.
 
         Args:
-            state: The state of the last step.
+            u: Displacement at the last step, flat, owned dofs first [m].
+            v: Velocity [m/s].
 
         Returns:
-            Contactor ``(nc, 6)`` and target ``(nt, 6)``; velocities are half a step older.
+            Contactor ``(nc, 6)`` and target ``(nt, 6)``.
         """
-        self.near.exchange.whole(state.u.x.array, state.v.x.array)
+        self.near.exchange.whole(u, v)
         xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
         return xv[:nc], xv[nc:]
 

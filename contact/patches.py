@@ -163,7 +163,7 @@ class Tracker:
             i = _largest(common[:, j], linked[:, j])
             other = int(last.identity[i]) if i >= 0 else -1
             kind = "split" if i >= 0 else "birth"
-            events.append(Event(now.t, kind, self._new(now, j), other))
+            events.append(Event(now.t, kind, self._new(now, int(j)), other))
         for i in np.flatnonzero(~taken):
             j = _largest(common[i], linked[i])
             other = int(now.identity[j]) if j >= 0 else -1

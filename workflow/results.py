@@ -3,7 +3,7 @@
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import tomli_w
 
 from meshes.domain import Domain
 from workflow.fields import FieldWriter
+from workflow.patch_table import append_events, append_patches
 from workflow.scene import Scene, SceneError
 
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
@@ -44,6 +45,7 @@ class Results:
     def __init__(self, folder: Path, scene: Scene, domain: Domain) -> None:
         self.folder, self.domain, self.comm = folder, domain, domain.msh.comm
         self.outputs = 0
+        self.trackers: dict[str, Any] = {}
         self.fields: FieldWriter | None = None
         if self.comm.rank == 0:
             folder.mkdir(parents=True, exist_ok=True)
@@ -52,23 +54,49 @@ class Results:
                 file.attrs["scene"] = scene.name
                 file.create_group("history")
                 file.create_group("contact")
+                file.create_group("patches")
             if scene.output.fields:
                 self.fields = FieldWriter(folder / "fields.vtkhdf", domain.source)
         self.write_fields = scene.output.fields
 
-    def append(self, history: Mapping[str, float], footprints: Mapping[str, Any]) -> None:
-        """Add one output: a row of the history and the footprint of each contact pair."""
+    def append(
+        self,
+        history: Mapping[str, float],
+        footprints: Mapping[str, Any],
+        motions: Mapping[str, Any],
+    ) -> None:
+        """Add one output.
+
+        Args:
+            history: A row of the history.
+            footprints: The footprint of each contact pair.
+            motions: The creepage at each patch of each footprint.
+        """
         if self.comm.rank == 0:
             with h5py.File(self.folder / "results.h5", "r+", locking=False) as file:
                 for name, value in history.items():
                     _append(file["history"], name, value)
                 for name, footprint in footprints.items():
-                    group = file.require_group(f"contact/{name}/{self.outputs}")
-                    group.attrs["t"] = history["t"]
-                    for key, array in contact_arrays(footprint).items():
-                        data = group.create_dataset(key, data=array)
-                        data.attrs["units"] = CONTACT_UNITS[key]
+                    self._append_contact(file, name, history["t"], footprint, motions[name])
         self.outputs += 1
+
+    def _append_contact(
+        self, file: Any, name: str, t: float, footprint: Any, motion: Sequence[Any]
+    ) -> None:
+        """Add nodes, patches and events of one pair; patches keep their number."""
+        from contact.patches import Tracker
+
+        tracker = self.trackers.setdefault(name, Tracker())
+        identity, events = tracker.follow(t, footprint)
+        group = file.require_group(f"contact/{name}/{self.outputs}")
+        group.attrs["t"] = t
+        arrays = contact_arrays(footprint) | {"patch": identity[footprint.patch]}
+        for key, array in arrays.items():
+            data = group.create_dataset(key, data=array)
+            data.attrs["units"] = CONTACT_UNITS[key]
+        table = file.require_group(f"patches/{name}")
+        append_patches(table, self.outputs, t, footprint, identity, motion)
+        append_events(table.require_group("events"), events)
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh."""

@@ -18,6 +18,7 @@ from workflow.clock import Clock
 from workflow.energy import Energy, Ledger, columns
 from workflow.geometry import cell_size
 from workflow.model import Model, build
+from workflow.patch_table import creepages
 from workflow.progress import Progress
 from workflow.results import Results, check_free
 from workflow.scene import Scene, SceneError
@@ -209,16 +210,17 @@ def output(model: Model, results: Results, energy: Energy, error: float) -> None
     """Write one output: history, footprints, fields."""
     state, scene = model.state, model.scene
     history = {"t": state.t, **columns(energy, error)}
-    footprints = {}
+    u, v = state.u.x.array, state.v.x.array + model.dt / 2 * state.a.array
+    footprints, motions = {}, {}
     for name, pair in model.pairs.items():
         footprint = pair.footprint(stick_tolerance=scene.contacts[name].stick_tolerance)
         footprints[name] = footprint
+        motions[name] = creepages(pair, u, v, footprint, scene)
         history |= {
             f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
         }
-    results.append(history, footprints)
-    v = state.v.x.array + model.dt / 2 * state.a.array
-    results.append_fields(state.t, state.u.x.array, v)
+    results.append(history, footprints, motions)
+    results.append_fields(state.t, u, v)
 
 
 def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
