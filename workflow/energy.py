@@ -16,8 +16,9 @@ class Energy:
     the strain energy it is what central difference keeps exactly in a linear problem (the square of
     their mean is larger by ``m (dt a)² / 8`` and rings by that much).
     ``contact`` is stored in contact springs, normal and tangential ones, ``spring`` in connections
-    (weight of point masses included). Dissipations and works are sums since time zero. ``external_work`` is that of dead
-    loads and drive torque. ``hourglass`` is that of the control of one-point cells.
+    (weight of point masses included). Dissipations and works are sums since time zero.
+    ``external_work`` is that of dead loads and drive torque. ``hourglass`` is that of the control
+    of one-point cells.
     """
 
     kinetic: float
