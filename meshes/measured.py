@@ -121,13 +121,13 @@ def from_points(points: Array, *, name: str = "points", smoothing: float = 0.0) 
     chord = np.hypot(*step.T)
     if (chord <= 1e-9).any():
         raise ValueError(
-            f"profile {name}: point {int(np.argmin(chord)) + 1} repeats the one before"
+            f"profile {name}: point {int(np.argmin(chord)) + 2} repeats the one before"
         )
     cosine = np.sum(step[1:] * step[:-1], axis=1) / (chord[1:] * chord[:-1])
     if (cosine <= -0.5).any():
         raise ValueError(
             f"profile {name}: arc length is not monotone, the points run backwards at point "
-            f"{int(np.argmin(cosine)) + 1}"
+            f"{int(np.argmin(cosine)) + 2} of {len(points)}"
         )
     if _meets_itself(points):
         raise ValueError(f"profile {name}: the curve intersects itself")

@@ -153,7 +153,7 @@ def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "Profi
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
     from meshes import measured, profiles
 
-    built_in = {"wheel": {"S1002": profiles.s1002}, "rail": dict.fromkeys(profiles.RAILS)}[kind]
+    built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
     if name in built_in:
         return profiles.s1002() if kind == "wheel" else profiles.rail(name)
     try:
@@ -199,7 +199,7 @@ def placement_of(scene: Scene) -> "Placement":
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
         shift = 0.0
-    key = f"mesh.flange_gap = {mesh.flange_gap}" if shift is None else f"lateral shift {shift}"
+    key, value = ("flange_gap", mesh.flange_gap) if shift is None else ("lateral_shift", shift)
     try:
         rail = placement.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         if shift is None:
@@ -209,8 +209,8 @@ def placement_of(scene: Scene) -> "Placement":
         return placement.place(wheel, rail, radius=mesh.wheel_radius, shift=shift, yaw=yaw)
     except ValueError as error:
         raise SceneError(
-            f"{key} with mesh.wheel_profile = {mesh.wheel_profile!r} on mesh.rail_profile = "
-            f"{mesh.rail_profile!r}: {error}"
+            f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "
+            f"mesh.rail_profile = {mesh.rail_profile!r}: {error}"
         ) from None
 
 

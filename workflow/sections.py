@@ -159,6 +159,12 @@ class WheelRailMesh(Section):
     margin: Length = 0.03
     sleepers: Sleepers | None = None
 
+    @field_validator("rail_profile", "rail_base", mode="before")
+    @classmethod
+    def _named(cls, name: Any) -> Any:
+        """Take 54E1 and 60E1 as names though ``--set`` reads them as numbers."""
+        return {54e1: "54E1", 60e1: "60E1"}.get(name, name) if isinstance(name, float) else name
+
     @field_validator("wheel_profile", "rail_profile")
     @classmethod
     def _absolute(cls, name: str) -> str:
