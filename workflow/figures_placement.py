@@ -96,7 +96,7 @@ def _gap(axes: "Axes", at: "Placement", gap: "Gap") -> None:
         axes.plot(*point, "o", color=theme.PATCH[2], ms=4, label="flange")
     axes.set(xlim=(y[near].min(), y[near].max()), ylim=(-0.15, TALLEST))
     axes.set(xlabel="lateral y [mm]", ylabel="gap [mm]")
-    axes.legend(loc="upper right", ncols=2)
+    axes.legend(loc="upper center", ncols=2)
     theme.letter(axes, "c" if at.flange_point is None else "d", "gap between wheel and rail")
 
 

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Profiles of one's own through the whole chain: placed, meshed, brought to rest, rolled."""
+
+import numpy as np
+import pytest
+
+from workflow import Scene, run
+from workflow.geometry import placement_of
+from workflow.scene import SceneError
+
+RADIUS, CROWN, SLOPE = 0.46, 0.3, 1 / 20
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A 1:20 cone in m and a crown of 300 mm radius in mm, drawn downward."""
+    y = np.linspace(-0.06, 0.06, 13)
+    np.savetxt(tmp_path / "cone.csv", np.column_stack([y, -SLOPE * y]))
+    y = np.linspace(-35, 35, 141)
+    crown = np.column_stack([y, 300 - np.sqrt(300**2 - y**2)])
+    np.savetxt(tmp_path / "crown.csv", crown, delimiter=",", header="y,z", comments="")
+    names = {"wheel_profile": "cone.csv", "rail_profile": "crown.csv"}
+    return {f"mesh.{key}": str(tmp_path / name) for key, name in names.items()}
+
+
+def test_cone_stands_where_the_slopes_agree(files):
+    """Slope of the cone's outline β; a lean of 1:40 moves the contact by 300 mm atan(1/40)."""
+    scene = Scene.load("flange-transition").with_(**files, **{"mesh.lateral_shift": 0.004})
+    p = placement_of(scene)
+    yaw = scene.rolling.angle_of_attack
+    beta = np.arctan(SLOPE / np.cos(yaw) / np.sqrt(1 - (SLOPE * np.tan(yaw)) ** 2))
+    upright = placement_of(scene.with_(**{"mesh.inclination": 0.0}))
+    assert p.centre[1] == pytest.approx(0.754) and p.flange_gap is None
+    assert p.tread_angle == pytest.approx(beta, abs=1e-6)
+    # the normal of the rail is the same, so the lean moves the contact along the crown
+    moved = p.tread_rail_s - upright.tread_rail_s
+    assert moved == pytest.approx(CROWN * np.arctan(1 / 40), abs=2e-5)
+
+
+@pytest.mark.slow
+def test_cone_rolls_on_the_crown(files, tmp_path):
+    """At rest the crown carries the wheelset's share; it rolls on as one patch at 1:20."""
+    changes = {"mesh.size": 8e-3, "equilibrium.shift": 0.0, "time.end": 1e-5}
+    changes |= {"time.output_interval": 5e-6, "output.fields": False}
+    result = run(Scene.load("flange-transition").with_(**files, **changes), tmp_path / "run")
+    pair = result.summary["contacts"]["wheel_rail"]
+    assert result.summary["status"] == "done" and pair["patches"] == 1
+    # the sprung mass and most of the wheelset of 500 kg
+    assert pair["normal_force"] == pytest.approx(8400 * 9.81, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mesh.wheel_profile": "54E1"}, "mesh.wheel_profile = '54E1': .*S1002 or a CSV"),
+        (
+            {"mesh.rail_profile": "none.csv"},
+            "mesh.rail_profile = 'none.csv': .*54E1, 60E1 or a CSV",
+        ),
+        ({"mesh.lateral_shift": 0.2}, r"mesh\.lateral_shift = 0\.2 with .*not above the rail"),
+        ({"mesh.flange_gap": 0.05}, r"mesh\.flange_gap = 0\.05 with .*expected"),
+        ({"mesh.rail_base": "49E1"}, "mesh.rail_base"),
+        ({"mesh.profile_smoothing": -1.0}, "mesh.profile_smoothing"),
+    ],
+)
+def test_bad_input(change, message):
+    with pytest.raises(SceneError, match=message):
+        placement_of(Scene.load("flange-transition").with_(**change))
