@@ -98,6 +98,20 @@ def _attached(
     return Attached(nodal, rate, (tied * per_mass)[free], (ground * per_mass)[free])
 
 
+def as_springs(springs: Attached, dampers: Attached, dt: float) -> Attached:
+    """Return springs that bound central difference as springs and lagged dampers do together.
+
+    ``dt²/4 K + dt/2 C < M`` is ``dt²/4 (K + 2/dt C) < M``.
+    """
+    factor = 2 / dt
+    return Attached(
+        springs.nodal + factor * dampers.nodal,
+        springs.rate + factor * dampers.rate,
+        springs.tied + factor * dampers.tied,
+        springs.base + factor * dampers.base,
+    )
+
+
 def joined(value: float, attachments: Attached, *, held: bool = False) -> float:
     """Return a bound of the largest eigenvalue of bodies, connections and point masses.
 

@@ -4,12 +4,19 @@
 import subprocess
 import sys
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
+from forms.attached import attached, joined_step
+from forms.connections import Connections, Spread
 from forms.elasticity import Elastic
 from forms.elements import LAWS, Law
+from forms.point_masses import PointMasses
 from workflow import Scene, run
+from workflow.bodies import step_bound
+from workflow.model import build
 from workflow.recorded import Record
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
@@ -136,3 +143,35 @@ def test_row_23_one_point_and_viscosity_on_two_ranks(tmp_path):
     two = Record(tmp_path / "two").history
     for name in ("kinetic", "internal", "hourglass", "damping"):
         np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11 * one["kinetic"].max())
+
+
+def test_dampers_away_from_the_stiffest_cells_cost_little_step():
+    """Dashpots on the end of a bar, M⁻¹ C up to ω: the step is stable, and longer than worst on
+    worst; checked against the dense limit of dt²/4 K + dt/2 C < M.
+    """
+    scene = Scene.load("bar-wave", **{"mesh.size": 2.5e-3, "supports": []})
+    model = build(scene, MPI.COMM_SELF)
+    x = model.domain.V.tabulate_dof_coordinates()
+    end = np.flatnonzero(np.isclose(x[:, 0], 0.1)).astype(np.int32)
+    mass, omega = model.mass.array, 2 / model.dt_bound
+    c = 1.0 * omega * mass.reshape(-1, 3)[end]
+    none = PointMasses(np.zeros(0), np.zeros(3), *(np.zeros((0, 3)) for _ in range(3)))
+    ground = np.full(len(end), -1, dtype=np.int32)
+    pads = Connections(MPI.COMM_SELF, none, [Spread(end, ground, 0 * c, c, none)], dt=0.0)
+    K, C = np.empty((len(mass), len(mass))), np.zeros(len(mass))
+    C.reshape(-1, 3)[end] = c
+    for j, row in enumerate(K):
+        row[:] = 0.0
+        model.state.u.x.array[:] = 0.0
+        model.state.u.x.array[j] = 1.0
+        model.internal.kernel.add(row)
+    scale = 1 / np.sqrt(mass)
+    A, B = -scale[:, None] * K * scale, np.diag(C / mass)
+
+    def top(dt: float) -> float:
+        return float(np.linalg.eigvalsh(dt**2 / 4 * (A + A.T) / 2 + dt / 2 * B)[-1])
+
+    found = step_bound(model.bodies, mass, pads, lambda line: None)
+    assert 0.95 < top(found) <= 1.0
+    springs, dampers = attached(MPI.COMM_SELF, none, pads.links, mass)
+    assert found > 1.05 * joined_step(omega, springs, dampers)
