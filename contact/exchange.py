@@ -91,17 +91,18 @@ class Exchange:
         """Read the chosen nodes; return the largest distance they moved [m]."""
         return self._gather(self._near, u, v)
 
-    def predict(self, force: Array, mass: Any, dt: float) -> None:
+    def predict(self, force: Array, mass: Any, dt: float, kick: float) -> None:
         """Fill ``ahead`` for the chosen nodes.
 
         Args:
             force: All forces of the step but those of the contact, flat, owned dofs [N].
             mass: View of the nodal masses [kg].
             dt: Step [s].
+            kick: Time over which the forces act; half of it at the start, whose v is at t [s].
         """
         own, c_own, order, _, buffer = self._near
         c_force = view("force", force, (-1,))
-        lib.wr_predict(len(own), c_own, self._c[0], mass, dt, self._xv, c_force, self._ahead)
+        lib.wr_predict(len(own), c_own, self._c[0], mass, dt, kick, self._xv, c_force, self._ahead)
         if self.comm is not None:
             self.comm.Allgatherv(self.ahead[own], (buffer, self._near[3]))
             self.ahead[order] = buffer

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 # lasting state, in the order of a checkpoint; the rest is found again each step
 _SAVED = (
     "facet", "xi", "gap", "normal", "stiffness", "damper", "offset", "pressing", "drag",
-    "approach", "traction", "slip", "friction", "total",
+    "approach", "traction", "slip", "friction", "touching", "total",
 )  # fmt: skip
 
 
@@ -28,6 +28,7 @@ class History:
 
     def __init__(self, nc: int, ratio: float = 1.0) -> None:
         self._ratio = ratio
+        self._offsets = 0, 0.0
         self.facet = np.zeros(nc, dtype=np.int32)
         self.xi = np.zeros((nc, 2))
         self.gap = np.zeros(nc)
@@ -43,6 +44,7 @@ class History:
         self.friction = np.zeros(nc)
         self.touching = np.zeros(nc, dtype=np.int32)
         self.total = np.zeros(12)
+        self.started = np.full(1, np.nan)  # time of the first step
         self.c: dict[str, Any] = {
             name: view(name, a, a.shape, a.dtype, out=True)
             for name, a in vars(self).items()
@@ -56,6 +58,33 @@ class History:
             self.traction, self.slip,
         ):  # fmt: skip
             a[nodes] = 0.0
+
+    @property
+    def offsets(self) -> tuple[int, float]:
+        """Nodes that got an offset at the first step, and the deepest [m]."""
+        return self._offsets
+
+    def faded(
+        self, item: npt.NDArray[np.int32], t: float, over: float, always: bool, rest: bool
+    ) -> float:
+        """Set offsets at the first step; return which part of them is left at time ``t`` [s].
+
+        Args:
+            item: Candidates.
+            t: Time [s].
+            over: Time over which they fade, 0: they last [s].
+            always: Nodes that just overlap get one, so that this does not count.
+            rest: So do nodes that a static solve has pressed together.
+        """
+        if np.isnan(self.started[0]):
+            self.started[0] = t
+            new = item[self.gap[item] < 0.0]
+            pressed = self.stiffness[new] > 0.0
+            new = new[(pressed & rest) | (~pressed & always)]
+            self.offset[new] = -self.gap[new]
+            deepest = float(self.offset[new].max(initial=0.0))
+            self._offsets = len(new), deepest
+        return max(0.0, 1.0 - (t - self.started[0]) / over) if over > 0.0 else 1.0
 
     def release(self, nodes: npt.NDArray[np.int64]) -> None:
         """Let go of ``nodes``; the energy of their tangential springs turns into heat."""

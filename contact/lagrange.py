@@ -58,14 +58,14 @@ class Lagrange:
         curved = smooth.c[1:] if smooth else near.search.flat[1:]
         self._c_overlap = (fixed["xv"], fixed["quad"], *curved, h["facet"], h["xi"], h["normal"])
 
-    def predict(self, force: Array, dt: float, touching: int) -> None:
+    def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
         """Find the gaps one step ahead; ``touching`` nodes pressed at the last step."""
         near, h = self._near, self._history
         h.total[4] = lib.wr_overlap(touching, h.c["touching"], *self._c_overlap)
-        near.exchange.predict(force, self._mass, dt)
+        near.exchange.predict(force, self._mass, dt, kick)
         near.search.track(len(near.item), near.c_item, self._ahead, h.c)
 
-    def solve(self, force: Array, dt: float, fade: float) -> int:
+    def solve(self, force: Array, dt: float, kick: float, fade: float) -> int:
         """Add the forces; return how many nodes touch.
 
         Raises:
@@ -73,7 +73,7 @@ class Lagrange:
         """
         h, near = self._history, self._near
         touching = lib.wr_lagrange(
-            len(near.item), near.c_item, dt, TOLERANCE, _SWEEPS, fade, *self._c,
+            len(near.item), near.c_item, dt, kick, TOLERANCE, _SWEEPS, fade, *self._c,
             view("force", force, (-1,), out=True), h.c["total"], self._c_info,
         )  # fmt: skip
         if self.residual > _LOST:

@@ -5,9 +5,9 @@
     A spring of ``penalty * m_eff / dt^2``: stable by construction, softer at a longer step.
 ``modulus-penalty``
     A spring of ``penalty * K A^2 / V`` of the cell behind (LS-DYNA theory manual, R14, eq. 29.11:
-    bulk modulus, area of the facet, volume of the cell), with the softer of both sides as there;
-    per area, so that a uniform pressure gives a uniform penetration. It does not depend on the
-    step, which it may shorten.
+    bulk modulus, area of the facet, volume of the cell), with the softer of both sides as there.
+    A is the tributary area of the node or that of the target there, whichever is smaller. The
+    spring does not depend on the step, which it may shorten.
 ``lagrange``
     Forces that close the gap at t + dt (:mod:`contact.lagrange`). The step stays as it is.
 """
@@ -20,6 +20,34 @@ from contact.surface import Surface, corner_areas, tributary_area
 Array = npt.NDArray[np.float64]
 
 METHODS = ("penalty", "modulus-penalty", "lagrange")
+
+
+def checked(
+    method: str,
+    *,
+    damping: float,
+    offset_time: float,
+    sharp_angle: float,
+    initial_overlap: str,
+    **positive: float,
+) -> None:
+    """Raise ValueError naming an option of a contact pair that does not fit."""
+    for key, value in positive.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{key}: expected a finite value > 0, got {value}")
+    for key, value in (("damping", damping), ("offset_time", offset_time)):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{key}: expected a finite value >= 0, got {value}")
+    if not 0.0 < sharp_angle < np.pi:
+        raise ValueError(f"sharp_angle: expected an angle in (0, pi) rad, got {sharp_angle}")
+    for key, word, known in (
+        ("method", method, METHODS),
+        ("initial_overlap", initial_overlap, ("offset", "push")),
+    ):
+        if word not in known:
+            raise ValueError(f"{key}: expected one of {', '.join(known)}, got {word!r}")
+    if method == "lagrange" and damping > 0.0:
+        raise ValueError(f"damping: expected 0 with method = 'lagrange', got {damping}")
 
 
 def node_foundation(surface: Surface) -> Array:
@@ -52,11 +80,21 @@ def largest_rates(
 ) -> tuple[float, float]:
     """Return bounds of K/M [1/s2] and C/M [1/s] of the springs of ``modulus-penalty``.
 
-    Each contactor node is taken to meet the lightest and the widest node of the target.
+    The area of a spring is the smaller one of both sides and its modulus that of the softer, so
+    each side has a bound of its own; that of the contactor counts once, that of the target with
+    all springs that share a node.
     """
-    area, facing = tributary_area(contactor), tributary_area(target)
+    area, facing = tributary_area(contactor), tributary_area(target)[target.facets].max(axis=1)
     assert target.foundation is not None
-    bed = np.minimum(node_foundation(contactor), target.foundation.max())
-    behind = np.maximum(np.max(1 / target.mass), np.max(facing / target.mass) / area)
-    square = float(np.max(penalty * area * bed * (1 / contactor.mass + behind)))
+    lightest = target.mass[target.facets].min(axis=1)
+    mine = np.max(node_foundation(contactor) * area / contactor.mass)
+    other = np.max(
+        np.divide(
+            target.foundation * facing,
+            lightest,
+            out=np.zeros(len(lightest)),
+            where=np.isfinite(lightest),
+        )
+    )
+    square = float(penalty * (mine + other))
     return square, 2 * damping * square**0.5

@@ -13,11 +13,12 @@ from contact.friction import Coulomb, Law, LawState, as_law, coefficients
 from contact.history import History
 from contact.lagrange import Lagrange
 from contact.neighbourhood import Neighbourhood
+from contact.normal_law import checked, node_foundation
 from contact.patches import beside, parted
-from contact.normal_law import METHODS, node_foundation
 from contact.state import State, Vector
 from contact.surface import Surface, tributary_area
 from contact.tangent import stiffness_blocks
+from contact.totals import Totals
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -29,12 +30,7 @@ Index = npt.NDArray[np.int64]
 STATIC = 100.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
 
-def _one_of(key: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ValueError(f"{key}: expected one of {', '.join(known)}, got {value!r}")
-
-
-class ContactPair:
+class ContactPair(Totals):
     r"""Contactor nodes against target facets.
 
     1. The gap :math:`g` of a node is its signed distance from the closest point of the target,
@@ -100,18 +96,10 @@ class ContactPair:
         self.name = name or f"{contactor.name} on {target.name}"
         if contactor.rigid and target.rigid:
             raise ValueError(f"contact pair {self.name}: both surfaces are rigid")
-        for key, value in (("dt", dt), ("penalty", penalty), ("tangential", tangential)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{key}: expected a finite value > 0, got {value}")
-        for key, value in (("damping", damping), ("offset_time", offset_time)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{key}: expected a finite value >= 0, got {value}")
-        if not 0.0 < sharp_angle < np.pi:
-            raise ValueError(f"sharp_angle: expected an angle in (0, pi) rad, got {sharp_angle}")
-        _one_of("method", method, METHODS)
-        _one_of("initial_overlap", initial_overlap, ("push", "offset"))
-        if method == "lagrange" and damping > 0.0:
-            raise ValueError(f"damping: expected 0 with method = 'lagrange', got {damping}")
+        checked(
+            method, dt=dt, penalty=penalty, tangential=tangential, damping=damping,
+            offset_time=offset_time, sharp_angle=sharp_angle, initial_overlap=initial_overlap,
+        )  # fmt: skip
         self.contactor, self.target = contactor, target
         self.dt, self.penalty, self.damping, self.tangential = dt, penalty, damping, tangential
         self.law = as_law(friction)
@@ -153,11 +141,11 @@ class ContactPair:
         """Forget all contact: no node touches, no traction, nothing dissipated."""
         self.history.clear()
         self.history.total[:] = 0.0
+        self.history.started[:] = np.nan
         constant = self.law.friction if isinstance(self.law, Coulomb) else np.nan
         self.history.friction[:] = constant
         self.near.forget()
         self.active = 0
-        self._started: float | None = None
 
     # ---- one step -------------------------------------------------------------------------
 
@@ -194,17 +182,22 @@ class ContactPair:
 
     def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
         """Add the forces that leave no gap at the next step."""
-        lagrange.predict(force, self.dt, self.active)
+        near = self.near
+        # at the start v is at t, and the stepping takes half a step to get to t - dt/2
+        kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
+        if np.isnan(self.history.started[0]):  # offsets are those of the present gaps
+            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.history.c)
         fade = self._offsets(state.t)
+        lagrange.predict(force, self.dt, kick, self.active)
         if not isinstance(self.law, Coulomb):
             self._apply_law(self.active, state.t)
-        self.active = lagrange.solve(force, self.dt, fade)
+        self.active = lagrange.solve(force, self.dt, kick, fade)
 
     def _settle(self, state: State) -> int:
         """Find the contact of a state at rest; return the number of touching nodes."""
         self.near.settle(state.u.x.array, self.history)
         self.history.traction[:] = 0.0
-        self._started = None
+        self.history.started[:] = np.nan
         return self._press(0.0, state.t)
 
     def _press(self, dt: float, t: float) -> int:
@@ -213,7 +206,7 @@ class ContactPair:
         near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
         per_mass = self.penalty / self.dt**2
         if self._lagrange is not None:
-            per_mass *= STATIC
+            per_mass *= 1.0 if self.near.search.smooth else STATIC
         fade = self._offsets(t) if dt > 0.0 else 0.0
         self.active = lib.wr_normal(
             k, near.c_item, dt, per_mass, self.penalty, self.damping, self.tangential, fade,
@@ -223,18 +216,9 @@ class ContactPair:
 
     def _offsets(self, t: float) -> float:
         """Set the offsets at the first step; return which part of them is left at ``t``."""
-        if self._started is None:
-            self._started, h = t, self.history
-            new = self.near.item[h.gap[self.near.item] < 0.0]
-            rest = h.stiffness[new] > 0.0  # from a static solve
-            if self._lagrange is None:
-                rest = ~rest & (self.initial_overlap == "offset")
-            else:
-                rest |= self.initial_overlap == "offset"
-            h.offset[new[rest]] = -h.gap[new[rest]]
-        if not self.offset_time > 0.0:
-            return 1.0
-        return max(0.0, 1.0 - (t - self._started) / self.offset_time)
+        always = self.initial_overlap == "offset"
+        rest = self._lagrange is not None
+        return self.history.faded(self.near.item, t, self.offset_time, always, rest)
 
     def _apply_law(self, m: int, t: float) -> None:
         h = self.history
@@ -286,51 +270,6 @@ class ContactPair:
 
     # ---- results --------------------------------------------------------------------------
 
-    @property
-    def friction_dissipation(self) -> float:
-        """Work turned into heat by friction since :meth:`reset` [J]."""
-        return float(self.history.total[0])
-
-    @property
-    def damping_dissipation(self) -> float:
-        """Work turned into heat by normal damping since :meth:`reset` [J]."""
-        return float(self.history.total[1])
-
-    @property
-    def normal_energy(self) -> float:
-        """Energy of the normal springs at the last step [J]."""
-        return float(self.history.total[2])
-
-    @property
-    def tangential_energy(self) -> float:
-        """Energy of the tangential springs at the last step [J]."""
-        return float(self.history.total[3])
-
-    @property
-    def stored_energy(self) -> float:
-        """Energy of the normal and tangential springs at the last step [J]."""
-        return self.normal_energy + self.tangential_energy
-
-    @property
-    def max_penetration(self) -> float:
-        """Deepest penetration at the last step [m]."""
-        return float(self.history.total[4])
-
-    @property
-    def normal_force(self) -> float:
-        """Sum of the nodal normal forces at the last step [N]."""
-        return float(self.history.total[5])
-
-    @property
-    def normal_resultant(self) -> Array:
-        """Vector sum of the normal forces on the contactor, shape ``(3,)`` [N]."""
-        return self.history.total[6:9].copy()
-
-    @property
-    def tangential_force(self) -> Array:
-        """Vector sum of the tangential forces on the contactor, shape ``(3,)`` [N]."""
-        return self.history.total[9:12].copy()
-
     def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
         """Return the nodes in contact at the last step and their patches, same on all ranks.
 
@@ -339,13 +278,20 @@ class ContactPair:
                 fraction of the largest tangential nodal force [-].
         """
         h = self.history
-        touching = h.touching[: self.active].astype(np.int64)
-        c = touching[h.pressing[touching] > 0.0]
+        c = np.sort(h.touching[: self.active].astype(np.int64))
+        c = c[h.pressing[c] > 0.0]
+        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
+
+    def footprint_on(
+        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
+    ) -> Footprint:
+        """Return the footprint of contactor nodes ``c`` with these normals and forces."""
+        h = self.history
         neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
         return footprint_of(
-            self.contactor.nodes[c], self.near.exchange.xv[c, :3], h.normal[c], h.pressing[c],
-            h.traction[c], self.area[c], h.slip[c] / self.dt, h.friction[c],
-            parted(h.pressing[c] / self.area[c], neighbours), stick_tolerance,
+            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
+            self.area[c], h.slip[c] / self.dt, h.friction[c],
+            parted(pressing / self.area[c], neighbours), stick_tolerance,
         )  # fmt: skip
 
     def surfaces(self, u: Array, v: Array) -> tuple[Array, Array]:
@@ -366,9 +312,12 @@ class ContactPair:
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        return self.history.saved() | self.near.saved()
+        own = {"own": np.array([self.active, self.history.started[0]])}
+        return self.history.saved() | self.near.saved() | own
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
         self.history.load(memory)
         self.near.load(memory)
+        active, self.history.started[0] = memory["own"]
+        self.active = int(active)

@@ -97,24 +97,18 @@ static void carry(const double *spin, double dt, const double *n, double *t) {
 }
 
 /* 1 / m_eff = 1 / m_c + crowd * sum N_i / m_i: an upper bound of sum N_i^2 / m_i that does not
- * depend on where the node lands; `crowd` contactor nodes share the mass of one target node. */
+ * depend on where the node lands; `crowd` contactor nodes share the mass of one target node.
+ * `shared` is the area that both sides bring. */
 static double effective_mass(const double *mass, const double *area, const int32_t *quad,
-                             const double *xi, size_t c) {
+                             const double *xi, size_t c, double *shared) {
   double N[4], inverse = 0.0, tributary = 0.0;
   shape4(xi, N);
   for (int i = 0; i < 4; i++) {
     inverse += N[i] / mass[quad[i]];
     tributary += N[i] * area[quad[i]];
   }
+  *shared = fmin(area[c], tributary);
   return 1.0 / (1.0 / mass[c] + inverse * fmax(1.0, tributary / area[c]));
-}
-
-/* Normal stiffness of a contact that begins: in proportion to m / dt^2, or to the bulk modulus. */
-static double begin(double per_mass, double per_area, const double *bed_c, const double *bed_t,
-                    const double *area, int32_t facet, double m_eff, size_t c) {
-  if (!bed_c)
-    return per_mass * m_eff;
-  return per_area * area[c] * fmin(bed_c[c], bed_t[facet]);
 }
 
 int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double per_area,
@@ -147,8 +141,9 @@ int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, do
     const double closing = -dot3(w, n);
     const int born = stiffness[c] == 0.0;
     if (born) {
-      const double m = effective_mass(mass, area, nodes, xi + 2 * c, c);
-      stiffness[c] = begin(per_mass, per_area, bed_c, bed_t, area, facet[c], m, c);
+      double shared;
+      const double m = effective_mass(mass, area, nodes, xi + 2 * c, c, &shared);
+      stiffness[c] = bed_c ? per_area * shared * fmin(bed_c[c], bed_t[facet[c]]) : per_mass * m;
       damper[c] = 2.0 * fraction * sqrt(stiffness[c] * m);
     }
     carry(spin, dt, n, t);

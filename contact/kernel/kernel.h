@@ -113,9 +113,10 @@ int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const doub
 
 /* Positions and velocities one step ahead, under the forces f of everything but the contact, of
  * nodes that this rank owns or that do not move.
+ *   kick           time over which the forces act: dt, or dt / 2 where xv has the velocity at t  s
  *   ahead  [n][6]  as xv, at t + dt and t + dt / 2                                  m, m/s */
 void wr_predict(int64_t k, const int32_t *item, const int32_t *dof, const double *mass, double dt,
-                const double *xv, const double *f, double *ahead);
+                double kick, const double *xv, const double *f, double *ahead);
 
 /* Deepest penetration of k nodes at the closest points that they have. */
 double wr_overlap(int64_t k, const int32_t *touching, const double *xv, const int32_t *quad,
@@ -135,8 +136,8 @@ double wr_overlap(int64_t k, const int32_t *touching, const double *xv, const in
  *   work [nc][WR_ROW], dv [n][3]   workspace
  *   info [2]   out: sweeps, last move over deepest overlap
  * Returns the number of touching nodes. */
-int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double tolerance, int64_t sweeps,
-                    double fade, const double *friction, const double *xv, const double *ahead,
+int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, double tolerance,
+                    int64_t sweeps, double fade, const double *friction, const double *xv, const double *ahead,
                     const double *mass, const int32_t *dof, const int32_t *quad,
                     const int32_t *facet, const double *xi, const double *normal, double *gap,
                     double *stiffness, double *offset, double *pressing, double *approach,

@@ -11,11 +11,11 @@ typedef struct {
 _Static_assert(sizeof(row_t) == WR_ROW * sizeof(double), "WR_ROW is told to the caller");
 
 void wr_predict(int64_t k, const int32_t *item, const int32_t *dof, const double *mass, double dt,
-                const double *xv, const double *f, double *ahead) {
+                double kick, const double *xv, const double *f, double *ahead) {
   for (int64_t i = 0; i < k; i++) {
     const size_t j = (size_t)item[i];
     const double *x = xv + 6 * j;
-    const double s = dof[j] >= 0 ? dt / mass[j] : 0.0;
+    const double s = dof[j] >= 0 ? kick / mass[j] : 0.0;
     for (int a = 0; a < 3; a++) {
       const double v = x[a + 3] + (dof[j] >= 0 ? s * f[3 * (size_t)dof[j] + a] : 0.0);
       ahead[6 * j + a + 3] = v;
@@ -91,8 +91,8 @@ static void open_row(row_t *r, double dt, const double *ahead, const double *mas
 }
 
 /* One sweep of projected Gauss-Seidel; returns the largest move that it made [m]. */
-static double sweep(int64_t m, row_t *row, const int32_t *touching, double dt, const int32_t *quad,
-                    const int32_t *facet, double *dv) {
+static double sweep(int64_t m, row_t *row, const int32_t *touching, double dt, double kick,
+                    const int32_t *quad, const int32_t *facet, double *dv) {
   double largest = 0.0;
   for (int64_t i = 0; i < m; i++) {
     row_t *r = row + i;
@@ -100,7 +100,7 @@ static double sweep(int64_t m, row_t *row, const int32_t *touching, double dt, c
     const int32_t *nodes = quad + 4 * (size_t)facet[c];
     double w[3], old[3], impulse[3], moved = 0.0;
     given(r, dv, c, nodes, w);
-    const double p = r->p - (r->gap / dt + dot3(w, r->n)) * r->inverse / dt, before = r->p;
+    const double p = r->p - (r->gap / dt + dot3(w, r->n)) * r->inverse / kick, before = r->p;
     r->p = p > 0.0 ? p : 0.0;
     memcpy(old, r->t, sizeof old);
     const double limit = r->friction * r->p;
@@ -109,7 +109,7 @@ static double sweep(int64_t m, row_t *row, const int32_t *touching, double dt, c
         w[a] += r->w[a];
       const double along = dot3(w, r->n);
       for (int a = 0; a < 3; a++)
-        r->t[a] -= (w[a] - along * r->n[a]) * r->inverse / dt;
+        r->t[a] -= (w[a] - along * r->n[a]) * r->inverse / kick;
       const double size = sqrt(dot3(r->t, r->t));
       for (int a = 0; a < 3 && size > limit; a++)
         r->t[a] *= limit / size;
@@ -117,7 +117,7 @@ static double sweep(int64_t m, row_t *row, const int32_t *touching, double dt, c
       r->t[0] = r->t[1] = r->t[2] = 0.0;
     }
     for (int a = 0; a < 3; a++) {
-      impulse[a] = dt * ((r->p - before) * r->n[a] + r->t[a] - old[a]);
+      impulse[a] = kick * ((r->p - before) * r->n[a] + r->t[a] - old[a]);
       moved += impulse[a] * impulse[a];
     }
     push(r, dv, c, nodes, impulse);
@@ -138,7 +138,7 @@ static void lose(double p_old, double p, const double *t_old, const double *t, d
 
 /* What the steps of wr_lagrange share; see kernel.h. */
 typedef struct {
-  double dt, fade;
+  double dt, kick, fade;
   const double *friction, *xv, *ahead, *mass, *xi, *normal;
   const int32_t *dof, *quad, *facet;
   double *gap, *stiffness, *offset, *pressing, *approach, *traction, *slip, *dv, *f, *total;
@@ -207,7 +207,7 @@ static int64_t close_rows(const system_t *s, int64_t m) {
     double *slip = s->slip + 3 * c, *t = s->traction + 3 * c, w[3];
     if (!(s->pressing[c] > 0.0)) { /* born: the motion that led here */
       relative(s->xv, s->mass, nodes, s->xv + 6 * c, s->xi + 2 * c, s->dt, w, s->slip + 3 * c);
-      part(w, r->n, s->dt, s->approach + c, slip);
+      part(w, r->n, s->kick, s->approach + c, slip);
     }
     lose(s->pressing[c], r->p, t, r->t, s->approach[c], slip, s->total);
     memcpy(t, r->t, sizeof r->t);
@@ -223,31 +223,55 @@ static int64_t close_rows(const system_t *s, int64_t m) {
   return count;
 }
 
-int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double tolerance, int64_t sweeps,
-                    double fade, const double *friction, const double *xv, const double *ahead,
-                    const double *mass, const int32_t *dof, const int32_t *quad,
-                    const int32_t *facet, const double *xi, const double *normal, double *gap,
-                    double *stiffness, double *offset, double *pressing, double *approach,
-                    double *traction, double *slip, int32_t *touching, double *work, double *dv,
-                    double *f, double *total, double *info) {
-  const system_t s = {dt,       fade, friction, xv,  ahead,     mass,          xi,       normal,
-                      dof,      quad, facet,    gap, stiffness, offset,        pressing, approach,
-                      traction, slip, dv,       f,   total,     (row_t *)work, touching};
+int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, double tolerance,
+                    int64_t sweeps, double fade, const double *friction, const double *xv,
+                    const double *ahead, const double *mass, const int32_t *dof,
+                    const int32_t *quad, const int32_t *facet, const double *xi,
+                    const double *normal, double *gap, double *stiffness, double *offset,
+                    double *pressing, double *approach, double *traction, double *slip,
+                    int32_t *touching, double *work, double *dv, double *f, double *total,
+                    double *info) {
+  const system_t s = {.dt = dt,
+                      .kick = kick,
+                      .fade = fade,
+                      .friction = friction,
+                      .xv = xv,
+                      .ahead = ahead,
+                      .mass = mass,
+                      .xi = xi,
+                      .normal = normal,
+                      .dof = dof,
+                      .quad = quad,
+                      .facet = facet,
+                      .gap = gap,
+                      .stiffness = stiffness,
+                      .offset = offset,
+                      .pressing = pressing,
+                      .approach = approach,
+                      .traction = traction,
+                      .slip = slip,
+                      .dv = dv,
+                      .f = f,
+                      .total = total,
+                      .row = (row_t *)work,
+                      .touching = touching};
   double deep;
+  total[2] = total[3] = 0.0;
   for (int a = 5; a < 12; a++)
     total[a] = 0.0;
   const int64_t m = open_rows(&s, k, item, &deep);
   for (int64_t i = 0; i < m; i++) {
     const row_t *r = s.row + i;
     const size_t c = (size_t)touching[i];
-    const double impulse[3] = {dt * (r->p * r->n[0] + r->t[0]), dt * (r->p * r->n[1] + r->t[1]),
-                               dt * (r->p * r->n[2] + r->t[2])};
+    double impulse[3];
+    for (int a = 0; a < 3; a++)
+      impulse[a] = kick * (r->p * r->n[a] + r->t[a]);
     push(r, dv, c, quad + 4 * (size_t)facet[c], impulse);
   }
   info[0] = info[1] = 0.0;
   for (int64_t it = 0; m && it < sweeps; it++) {
     info[0] = (double)(it + 1);
-    info[1] = sweep(m, s.row, touching, dt, quad, facet, dv) / deep;
+    info[1] = sweep(m, s.row, touching, dt, kick, quad, facet, dv) / deep;
     if (!(info[1] > tolerance))
       break;
   }
