@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 OBLIQUE = (0.75, -1.0, 0.5)
 WHOLE = (0.45, -1.0, 0.3)
 AHEAD = (1.0, -0.3, 0.12)
+TRACK = (*RAIL, Tag.SLEEPER)
+SEAT = (1.0, -0.12, 0.12)
 BESIDE = 0.45  # rail shown before and behind the wheel centre [m]
 CLOSE = 0.045  # half size of the close-up [m]
 
@@ -50,26 +52,29 @@ def whole(body: Body) -> "Figure":
 
 
 def wheel_on_rail(body: Body, yaw: float) -> "Figure":
-    """Return the whole model, the wheel with a stretch of rail, and the cut contact zone.
+    """Return the whole model, the wheel on a stretch of track, the cut contact zone, and a seat.
 
     Args:
         body: Mesh.
         yaw: Angle of attack of the wheel [rad].
     """
     frame, image = mesh_picture(body, WHOLE, 2800, edges=False)
-    upper, lower = theme.PAGE * min(frame.height / frame.width, 0.4), 3.9
-    fig = theme.figure(theme.PAGE, upper + lower + 0.6)
-    heights, widths = (upper, lower), (1, 1.15)
-    panels = fig.subplot_mosaic("aa;bc", height_ratios=heights, width_ratios=widths)
+    sleepers = bool((body.regions == Tag.SLEEPER).any())
+    heights = (theme.PAGE * min(frame.height / frame.width, 0.4), 3.9, 2.3)[: 2 + sleepers]
+    fig = theme.figure(theme.PAGE, sum(heights) + 0.6)
+    mosaic = "aa;bc;dd" if sleepers else "aa;bc"
+    panels = fig.subplot_mosaic(mosaic, height_ratios=heights, width_ratios=(1, 1.15))
     frame.show(panels["a"], image)
     theme.letter(panels["a"], "a", f"whole model: {_count(body)}")
     focus, centre = contact_point(body), body.centres
-    wheel = ~np.isin(body.regions, RAIL)
+    wheel = ~np.isin(body.regions, TRACK)
     near = body.part(wheel | (np.abs(centre[:, 0] - focus[0]) < BESIDE))
     frame, image = mesh_picture(near, OBLIQUE, 1600)
     frame.show(panels["b"], image)
     theme.letter(panels["b"], "b", "wheelset half on the rail")
     _contact_zone(panels["c"], body, yaw, focus)
+    if sleepers:
+        _seat(panels["d"], body, focus)
     return fig
 
 
@@ -90,11 +95,12 @@ def _contact_zone(axes: "Axes", body: Body, yaw: float, focus: Array) -> None:
     tyre = body.points[np.unique(body.cells[body.regions == Tag.TYRE])]
     hub = (tyre.min(axis=0) + tyre.max(axis=0)) / 2
     rail, ahead = np.isin(body.regions, RAIL), np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    wheel = ~np.isin(body.regions, TRACK)
     middle = np.array([focus[0], head[:, 1].mean() - CLOSE / 4, focus[2]])
     near = np.linalg.norm(body.centres - middle, axis=1) < 8 * CLOSE
     halves = (
         halved(body.part(rail & near), (focus, np.array([1.0, 0.0, 0.0]))),
-        halved(body.part(~rail & near), (hub, ahead)),
+        halved(body.part(wheel & near), (hub, ahead)),
     )
     frame = Frame.around(middle + CLOSE * np.array([[0, -1, -1], [0, 1, 1]]), AHEAD)
 
@@ -104,6 +110,21 @@ def _contact_zone(axes: "Axes", body: Body, yaw: float, focus: Array) -> None:
 
     frame.show(axes, frame.render(1800, fill))
     theme.letter(axes, "c", f"cut at the contact, {frame.width * 1e3:.0f} mm wide")
+
+
+def _seat(axes: "Axes", body: Body, focus: Array) -> None:
+    """Show rail and sleeper nearest to the contact, both cut across the rail at the seat."""
+    centre, sleeper = body.centres, np.flatnonzero(body.regions == Tag.SLEEPER)
+    near = sleeper[np.argmin(np.abs(centre[sleeper, 0] - focus[0]))]
+    mine = sleeper[np.abs(centre[sleeper, 0] - centre[near, 0]) < BESIDE / 2]
+    x = centre[mine, 0].mean()
+    track = np.isin(body.regions, TRACK) & (np.abs(centre[:, 0] - x) < BESIDE / 2)
+    part = body.part(track)
+    half = halved(part, (np.array([x, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])))
+    low, high = part.points[part.cells].min(axis=(0, 1)), part.points[part.cells].max(axis=(0, 1))
+    frame = Frame.around(np.array([[x, *low[1:]], [x, *high[1:]], [low[0], *high[1:]]]), SEAT)
+    frame.show(axes, frame.render(2400, lambda view: add_regions(view, half)))
+    theme.letter(axes, "d", "cut through a seat: pads are springs and dampers in the gap")
 
 
 def _count(body: Body) -> str:
