@@ -14,9 +14,10 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.loads import DriveTorque, MassDamping, gravity, nodal_traction
 from meshes.domain import Domain
+from workflow.contact_step import contact_surfaces
 from workflow.friction_tables import law_of
 from workflow.scene import Scene, SceneError
-from workflow.sections import Contact, RigidWall, Support
+from workflow.sections import Contact, Support
 from workflow.surfaces import surface_nodes
 
 if TYPE_CHECKING:
@@ -136,27 +137,27 @@ def pair(model: "Model", key: str, contact: Contact, friction: Any) -> Any:
         SceneError: if ``friction``, a coefficient, table or law, cannot be used.
     """
     from contact.pair import ContactPair
-    from contact.surface import rigid_plane, surface
+    from contact.two_pass import TwoPass
 
     try:
         law = law_of(friction)
     except ValueError as error:
         raise SceneError(f"contacts.{key}.friction: {error}") from error
-    domain = model.domain
-    nodal = model.mass.array[::3]
-    if isinstance(contact.target, RigidWall):
-        wall = contact.target
-        target = rigid_plane(np.array(wall.origin), np.array(wall.normal), wall.half_width)
-    else:
-        target = surface(domain, domain.source.tag(contact.target), nodal)
-    return ContactPair(
-        surface(domain, domain.source.tag(contact.contactor), nodal),
+    contactor, target = contact_surfaces(model.bodies, contact, model.mass.array[::3])
+    kind = TwoPass if contact.two_pass else ContactPair
+    return kind(
+        contactor,
         target,
-        comm=domain.msh.comm,
+        comm=model.domain.msh.comm,
         dt=model.dt,
         friction=law,
         penalty=contact.penalty,
         damping=contact.damping,
+        method=contact.method,
+        smooth=contact.smooth,
+        sharp_angle=contact.sharp_angle,
+        initial_overlap=contact.initial_overlap,
+        offset_time=contact.offset_time,
         name=key,
     )
 

@@ -17,6 +17,7 @@ from forms.kernel import Array
 from forms.stability import assembled_frequency, cell_frequency
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
+from workflow.contact_step import contact_terms
 from workflow.geometry import cell_size
 from workflow.scene import Scene
 from workflow.sections import Body, Isotropic
@@ -156,8 +157,10 @@ def step_bound(
     """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
 
     A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
-    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω`` without damping. The
-    cell bound, which viscosity always takes, has that much in hand.
+    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω`` without damping. Their
+    dampers take ``ζ √p`` of the room ``1 − p/4`` that this leaves; springs from the bulk modulus
+    add to ω². The cell bound, which viscosity always takes, has the penalties (not the dampers)
+    in hand.
 
     Args:
         bodies: Bodies with their forms.
@@ -172,13 +175,17 @@ def step_bound(
     if connections is not None:
         parts = connections.masses, connections.links
         springs, dampers = attached(connections.comm, *parts, mass)
+    touch = contact_terms(bodies, mass, log)
+    damping = damping[0], damping[1] + touch.rate
     if any(b.bulk_viscosity for b in entries):
         dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
-        return joined_step(0.0, springs, dampers, mass_damping=2 / dt + damping[1])
+        bound = 2 / dt + damping[1]
+        return joined_step(touch.square**0.5, springs, dampers, mass_damping=bound)
     if scene.time.bound == "assembled":
         held = springs.nodal if connections is not None else None
         frequency, sharp = assembled_frequency(V, bodies.internal_work, mass, held)
-        room = 1 - sum(contact.penalty for contact in scene.contacts.values()) / 4
+        frequency = float(np.hypot(frequency, touch.square**0.5))
+        room = touch.room
         if sharp and room > 0:
             dt = joined_step(frequency, springs, dampers, *damping, held=True, room=room)
             if connections is None or dt > 0.98 * np.sqrt(room) * 2 / frequency:
@@ -187,6 +194,7 @@ def step_bound(
         why = "the contact penalties are too large" if sharp else "Lanczos has not converged"
         log(f"step: bounded by its stiffest cell, because {why}")
     frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
+    frequency = float(np.hypot(frequency, touch.square**0.5))
     return joined_step(frequency, springs, dampers, *damping)
 
 

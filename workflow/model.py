@@ -75,8 +75,18 @@ class Model:
     @property
     def loads(self) -> list[Callable[[State, la.Vector], None]]:
         """The loads of a step beside the dead ones; what the scene does not name is not there."""
-        named = [self.viscosity, self.damping, self.drive, self.connections, *self.pairs.values()]
+        pairs = (pair for pair in self.pairs.values() if not pair.last)
+        named = [self.viscosity, self.damping, self.drive, self.connections, *pairs]
         return [x.add for x in (self.internal, *named) if x is not None]
+
+    @property
+    def last(self) -> list[Callable[[State, la.Vector], None]]:
+        """The loads that need the sum of all others: constraints of contact, supports before them.
+
+        What supports hold must not be foreseen to move.
+        """
+        pairs = [pair.add for pair in self.pairs.values() if pair.last]
+        return [lambda state, force: self.supports(force), *pairs] if pairs else []
 
     def phase_of(self, add: Callable[..., Any]) -> str:
         """Phase of the run that a load's time counts to."""

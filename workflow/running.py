@@ -15,6 +15,7 @@ import numpy as np
 from forms.elements import Law
 from workflow import guards
 from workflow.clock import Clock
+from workflow.contact_step import tell_offsets
 from workflow.energy import Energy, Ledger, columns
 from workflow.geometry import cell_size
 from workflow.model import Model, build
@@ -174,6 +175,7 @@ def steps(
     per_output = round(scene.time.output_interval / model.dt)
     last = round(scene.time.end / model.dt)
     loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
+    constraints = [clock.timed(model.phase_of(add), add) for add in model.last]
     points = model.connections.masses if model.connections is not None else None
     progress.start(last, model.dt)
     loop = central_difference(
@@ -185,11 +187,14 @@ def steps(
         last * model.dt,
         points,
         model.dead.nodal,
+        last=constraints,
     )
     began = time.perf_counter()
     busy = sum(clock.seconds.values())
     for _ in loop:
         guards.check_finite(model)
+        if state.step == 0:
+            tell_offsets(model, progress.log)
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:

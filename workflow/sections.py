@@ -270,14 +270,41 @@ class RigidWall(Section):
 
 
 class Contact(Section):
-    """Contactor nodes against target facets."""
+    """Contactor nodes against target facets.
+
+    ``method`` is ``penalty`` (springs of ``penalty`` times effective mass over dt²),
+    ``modulus-penalty`` (``penalty`` times bulk modulus, area and area over volume of the cells
+    behind) or ``lagrange`` (no penetration). In ``two_pass`` each surface is contactor once. A
+    ``smooth`` target is curved by averaged normals but for edges over ``sharp_angle``.
+    ``initial_overlap`` that no static solve has made is left out of the gap (``offset``), for good
+    or fading over ``offset_time``, or pushes the bodies apart (``push``).
+    """
 
     contactor: str
     target: str | RigidWall
     friction: FrictionLaw = 0.0
+    method: Literal["penalty", "modulus-penalty", "lagrange"] = "penalty"
     penalty: Factor = 0.2
     damping: Share = 0.0
+    two_pass: bool = False
+    smooth: bool = False
+    sharp_angle: float = Field(0.7, strict=True, gt=0, lt=3.14, json_schema_extra={"unit": "rad"})
+    initial_overlap: Literal["offset", "push"] = "offset"
+    offset_time: Delay = 0.0
     stick_tolerance: Share = 0.05
+
+    @model_validator(mode="after")
+    def _method_fits(self) -> Self:
+        if self.method == "lagrange" and self.damping:
+            raise ValueError(
+                f"contacts: damping = {self.damping}: expected 0 with method = 'lagrange', whose "
+                "impacts are plastic"
+            )
+        if self.two_pass and (self.method == "lagrange" or isinstance(self.target, RigidWall)):
+            raise ValueError(
+                "contacts: two_pass = true: expected a penalty method and two deformable surfaces"
+            )
+        return self
 
 
 class Support(Section):

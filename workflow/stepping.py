@@ -48,6 +48,7 @@ def central_difference(
     t_end: float,
     points: PointMasses | None = None,
     dead: npt.NDArray[np.float64] | None = None,
+    last: Iterable[Load] = (),
 ) -> Iterator[State]:
     """Yield the state at every step from now to ``t_end``, forces and acceleration in place.
 
@@ -60,6 +61,7 @@ def central_difference(
         t_end: Last time [s].
         points: Point masses that move with the bodies.
         dead: Constant force on the owned dofs that every step starts from [N]; none: zero.
+        last: Loads that read the sum of all others, complete on owned dofs, and add to these only.
     """
     u, v, a = state.u.x.petsc_vec, state.v.x.petsc_vec, state.a.petsc_vec
     per_mass = 1.0 / mass.array_r  # a product costs a fifth of a quotient
@@ -73,6 +75,8 @@ def central_difference(
         for add in loads:
             add(state, state.a)
         state.a.scatter_reverse(dolfinx.la.InsertMode.add)
+        for add in last:
+            add(state, state.a)
         owned *= per_mass
         hold(state.a)
         if start:
