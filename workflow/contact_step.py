@@ -13,6 +13,7 @@ from workflow.sections import Contact, RigidWall
 if TYPE_CHECKING:
     from contact.surface import Surface
     from workflow.bodies import Bodies
+    from workflow.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -93,3 +94,11 @@ def contact_terms(bodies: "Bodies", mass: Array, log: Callable[[str], Any]) -> C
             log(f"contacts.{name}: spring alone is stable up to {2 / stiff**0.5 * 1e9:.1f} ns")
             square, rate = square + stiff, rate + damped
     return ContactTerms(room, square, rate)
+
+
+def tell_offsets(model: "Model", log: Callable[[str], Any]) -> None:
+    """Log which contacts overlapped at the start, where that does not count."""
+    for name, pair in model.pairs.items():
+        count, depth = pair.initial_offsets
+        if count:
+            log(f"contacts.{name}: {count} nodes overlap at the start by up to {depth:.1e} m, offset")
