@@ -22,7 +22,7 @@ pytest.importorskip("pyvista")
 from workflow import figures, theme
 from workflow.figures_footprint import development
 from workflow.figures_section import cut, telling_output
-from workflow.recorded import RAIL, Record, parted, patches_of
+from workflow.recorded import RAIL, Record, patches_of
 from workflow.running import run
 
 YAW, SPEED, RADIUS = 0.02, 22.2, 0.46
@@ -233,18 +233,6 @@ def test_patch_number_comes_from_steepness(fragments):
     assert set(
         patches_of(arrays | {"normal_force": np.r_[np.ones(fragments), np.zeros(fragments)]})
     ) == {2}
-
-
-@pytest.mark.parametrize(("bridge", "patches"), [(0.5, 2), (1.9, 1)])
-def test_weak_bridge_does_not_join_two_peaks(bridge, patches):
-    """Peaks 5 and 3 in a row of nodes: apart below a third of the lower one, else together."""
-    pressure = np.array([2.0, 5.0, 4.0, bridge, 2.0, 3.0, 2.0])
-    beside = [{k - 1, k + 1} & set(range(7)) for k in range(7)]
-    patch = parted(pressure, beside)
-    assert len(set(patch)) == patches
-    assert len(set(patch[:3])) == 1 and len(set(patch[4:])) == 1
-    alone = parted(pressure, [set()] * 7)
-    assert len(set(alone)) == 7
 
 
 def test_developed_surface_is_the_profile(transition):

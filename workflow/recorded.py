@@ -12,12 +12,12 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from contact.footprint import frame_of
 from meshes.tags import NAMES, Tag
 
 Array = npt.NDArray[np.float64]
 
 RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
-BRIDGE = 1 / 3  # of the lower of two peaks of pressure: weaker nodes do not join them
 STEEP = 45.0  # contact angle from which on a patch counts as gauge corner [degrees]
 
 
@@ -31,6 +31,8 @@ class Patch:
         pressing: Normal forces, shape ``(n,)`` [N].
         traction: Tangential forces, shape ``(n, 3)`` [N].
         areas: Tributary areas, shape ``(n,)`` [m2].
+        friction: Coefficients of friction, shape ``(n,)`` [-].
+        stick: Where nodes adhere, shape ``(n,)``.
     """
 
     position: Array
@@ -38,6 +40,8 @@ class Patch:
     pressing: Array
     traction: Array
     areas: Array
+    friction: Array
+    stick: npt.NDArray[np.bool_]
 
     @property
     def normal_force(self) -> float:
@@ -69,6 +73,39 @@ class Patch:
         """Unit normal of the patch: direction of its normal resultant, shape ``(3,)``."""
         resultant = self.pressing @ self.normal
         return np.asarray(resultant / np.linalg.norm(resultant))
+
+    @property
+    def frame(self) -> Array:
+        """Longitudinal, lateral and normal direction as rows, shape ``(3, 3)``."""
+        return frame_of(self.direction)
+
+    @property
+    def local(self) -> Array:
+        """Longitudinal and lateral position of the nodes from the centre, ``(n, 2)`` [m]."""
+        return np.asarray((self.position - self.centre) @ self.frame[:2].T)
+
+    @property
+    def shear(self) -> Array:
+        """Longitudinal and lateral shear stress on the lower body, shape ``(n, 2)`` [Pa]."""
+        return np.asarray(-self.traction @ self.frame[:2].T / self.areas[:, None])
+
+    @property
+    def longitudinal_shear(self) -> float:
+        """Mean longitudinal shear stress on the lower body [Pa]."""
+        return float(self.areas @ self.shear[:, 0] / self.area)
+
+    @property
+    def lateral_shear(self) -> float:
+        """Mean lateral shear stress on the lower body [Pa]."""
+        return float(self.areas @ self.shear[:, 1] / self.area)
+
+    @property
+    def shear_angle(self) -> float:
+        """Angle of the mean shear on the lower body from the negative longitudinal axis [degrees].
+
+        Positive towards the negative lateral axis: on a rail to the gauge side and downwards.
+        """
+        return float(np.degrees(np.arctan2(-self.lateral_shear, -self.longitudinal_shear)))
 
     @property
     def angle(self) -> float:
@@ -148,7 +185,7 @@ class Record:
     def contacts(self) -> dict[str, Contact]:
         """Footprints of each pair that touched at all, by name."""
         with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
-            found = {name: _contact(group, self.body) for name, group in file["contact"].items()}
+            found = {name: _contact(group) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
 
     @cached_property
@@ -182,73 +219,34 @@ class Record:
         return self.folder / "fields.vtkhdf"
 
 
-def _contact(group: Any, body: Body | None) -> Contact:
+def _contact(group: Any) -> Contact:
     outputs = [group[k] for k in sorted(group, key=int)]
-    cells = None
-    if body is not None and outputs:
-        touched = np.zeros(len(body.points), dtype=bool)
-        touched[np.concatenate([k["node"][:] for k in outputs])] = True
-        cells = body.cells[touched[body.cells].sum(axis=1) > 1]
     t = np.array([k.attrs["t"] for k in outputs])
-    return Contact(t, [patches_of(k, cells) for k in outputs])
+    return Contact(t, [patches_of(k) for k in outputs])
 
 
-def patches_of(arrays: Any, cells: npt.NDArray[np.int64] | None = None) -> dict[int, Patch]:
+def patches_of(arrays: Any) -> dict[int, Patch]:
     """Return the patches of a footprint by place: 1 rail top, 2 gauge corner.
 
-    Connected patches are parted at weak bridges. What is then less steep than 45 degrees counts as
-    rail top together, the rest as gauge corner, so a patch keeps its number through all outputs.
+    Patches less steep than 45 degrees count as rail top together, the rest as gauge corner, so a
+    place keeps its number through all outputs.
 
     Args:
         arrays: Per-node arrays by name, as in ``results.h5``.
-        cells: Hexahedra at the contact, to find bridges in, ``(c, 8)``; none are parted if None.
     """
     touching = arrays["normal_force"][:] > 0
     names = ("position", "normal", "normal_force", "tangential_force", "area")
-    position, normal, pressing, traction, areas = (
-        np.asarray(arrays[name][:], dtype=np.float64)[touching] for name in names
-    )
-    if normal[:, 2].sum() < 0:  # the target is the upper body: look at it the other way round
-        normal, traction = -normal, -traction
+    nodal = [np.asarray(arrays[name][:], dtype=np.float64)[touching] for name in names]
+    if nodal[1][:, 2].sum() < 0:  # the target is the upper body: look at it the other way round
+        nodal[1], nodal[3] = -nodal[1], -nodal[3]
+    unknown = np.full(touching.sum(), np.nan)
+    friction = arrays["friction"][:][touching] if "friction" in arrays else unknown
+    stick = arrays["stick"][:][touching] if "stick" in arrays else unknown > 0
     label = arrays["patch"][:][touching]
-    if cells is not None:
-        label = parted(pressing / areas, neighbours(arrays["node"][:][touching], cells))
     place = np.zeros(len(label), dtype=int)
     for k in np.unique(label):
-        part = Patch(*(a[label == k] for a in (position, normal, pressing, traction, areas)))
+        part = Patch(*(a[label == k] for a in (*nodal, friction, stick)))
         place[label == k] = 1 if part.angle < STEEP else 2
     return {
-        int(k): Patch(*(a[place == k] for a in (position, normal, pressing, traction, areas)))
-        for k in np.unique(place)
+        int(k): Patch(*(a[place == k] for a in (*nodal, friction, stick))) for k in np.unique(place)
     }
-
-
-def neighbours(nodes: npt.NDArray[np.int64], cells: npt.NDArray[np.int64]) -> list[set[int]]:
-    """Return which of ``nodes`` share a cell with each, by their place in ``nodes``."""
-    place = {int(node): k for k, node in enumerate(nodes)}
-    found: list[set[int]] = [set() for _ in nodes]
-    for cell in cells.tolist():
-        together = {place[node] for node in cell if node in place}
-        for k in together:
-            found[k] |= together - {k}
-    return found
-
-
-def parted(pressure: Array, beside: list[set[int]]) -> npt.NDArray[np.int64]:
-    """Return the patch of each node: one for each peak of pressure that stands out.
-
-    Two peaks that touch belong to one patch if the pressure between them stays above BRIDGE times
-    the lower peak. A few weak nodes between rail top and gauge corner do not make them one.
-
-    Args:
-        pressure: Of each node, shape ``(n,)`` [Pa].
-        beside: Neighbours of each node.
-    """
-    patch = np.full(len(pressure), -1, dtype=np.int64)
-    for node in np.argsort(-pressure, kind="stable"):
-        around = sorted({int(patch[k]) for k in beside[node]} - {-1}, key=lambda k: -pressure[k])
-        patch[node] = around[0] if around else node  # a patch is named after its peak
-        for lower in around[1:]:
-            if pressure[node] > BRIDGE * pressure[lower]:
-                patch[patch == lower] = around[0]
-    return patch
