@@ -77,11 +77,15 @@ class Between:
     def stretches(self, u: Array, v: Array) -> Array:
         """Return node less point of two nodal vectors side by side, shape ``(n, 6)``."""
         table = self._both.array.reshape(-1, 6)
-        table[: len(self._own), :3] = u[self._own_index]
-        table[: len(self._own), 3:] = v[self._own_index]
+        table[: len(self._own), :3] = u.take(self._own_index)
+        table[: len(self._own), 3:] = v.take(self._own_index)
         if self.comm.size > 1:
             self._both.scatter_forward()
-        return np.hstack([u[self._index], v[self._index]]) - self._at @ table
+        both = self._at @ table
+        np.negative(both, out=both)
+        both[:, :3] += u.take(self._index)
+        both[:, 3:] += v.take(self._index)
+        return np.asarray(both)
 
     def stretch(self, u: Array) -> Array:
         """Return node less point, shape ``(n, 3)`` [m]; collective."""
