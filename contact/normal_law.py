@@ -66,15 +66,6 @@ def node_foundation(surface: Surface) -> Array:
     return np.asarray(total / tributary_area(surface))
 
 
-def share_of_step(method: str, penalty: float, damping: float) -> float:
-    r"""Return what springs in proportion to m/dt^2 take of the 1 in ``dt²/4 K + dt/2 C < M``.
-
-    A spring :math:`p\,m/dt^2` takes p/4, its damper :math:`2 \zeta \sqrt{k m}`, which sees the
-    velocity half a step back, :math:`\zeta \sqrt p`.
-    """
-    return penalty / 4 + damping * penalty**0.5 if method == "penalty" else 0.0
-
-
 def largest_rates(
     contactor: Surface, target: Surface, penalty: float, damping: float
 ) -> tuple[float, float]:

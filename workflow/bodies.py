@@ -159,8 +159,7 @@ def step_bound(
     A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
     their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω`` without damping. Their
     dampers take ``ζ √p`` of the room ``1 − p/4`` that this leaves; springs from the bulk modulus
-    add to ω². The cell bound, which viscosity always takes, has the penalties (not the dampers)
-    in hand.
+    add to ω². The cell bound, which viscosity always takes, has the penalties in hand.
 
     Args:
         bodies: Bodies with their forms.
@@ -180,7 +179,9 @@ def step_bound(
     if any(b.bulk_viscosity for b in entries):
         dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
         bound = 2 / dt + damping[1]
-        return joined_step(touch.square**0.5, springs, dampers, mass_damping=bound)
+        return joined_step(
+            touch.square**0.5, springs, dampers, mass_damping=bound, room=touch.undamped
+        )
     if scene.time.bound == "assembled":
         held = springs.nodal if connections is not None else None
         frequency, sharp = assembled_frequency(V, bodies.internal_work, mass, held)
@@ -190,12 +191,12 @@ def step_bound(
             dt = joined_step(frequency, springs, dampers, *damping, held=True, room=room)
             if connections is None or dt > 0.98 * np.sqrt(room) * 2 / frequency:
                 return dt
-            return damped_bound(bodies, mass, (springs, dampers), damping, dt, room)
+            return damped_bound(bodies, mass, (springs, dampers), damping, dt, room, touch.square)
         why = "the contact penalties are too large" if sharp else "Lanczos has not converged"
         log(f"step: bounded by its stiffest cell, because {why}")
     frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
     frequency = float(np.hypot(frequency, touch.square**0.5))
-    return joined_step(frequency, springs, dampers, *damping)
+    return joined_step(frequency, springs, dampers, *damping, room=touch.undamped)
 
 
 def damped_bound(
@@ -205,6 +206,7 @@ def damped_bound(
     damping: tuple[float, float],
     dt: float,
     room: float,
+    contact: float,
     iterations: int = 3,
 ) -> float:
     """Return a longer stable step than ``dt`` where dampers sit on other nodes than the stiffest.
@@ -219,6 +221,7 @@ def damped_bound(
         damping: Largest stiffness- and mass-proportional damping [s], [1/s].
         dt: A stable step [s].
         room: As in :func:`forms.attached.joined_step`.
+        contact: Bound of K/M of contact springs that do not depend on the step [1/s²].
         iterations: Lanczos runs.
     """
     beta, alpha = damping
@@ -228,7 +231,7 @@ def damped_bound(
         frequency, sharp = assembled_frequency(bodies.domain.V, work, mass, lagged.nodal)
         if not sharp:
             return dt
-        square = frequency**2 * (1 + 2 * beta / dt) + 2 * alpha / dt
+        square = (frequency**2 + contact) * (1 + 2 * beta / dt) + 2 * alpha / dt
         longer = 2 * np.sqrt(room / joined(square, lagged, held=True))
         if longer < 1.01 * dt:
             return float(max(dt, longer))

@@ -23,12 +23,15 @@ class ContactTerms:
     """Sums over the contacts of a scene.
 
     Attributes:
-        room: What springs in proportion to m/dt² leave of the 1 in ``dt²/4 K + dt/2 C < M`` [-].
+        room: What springs in proportion to m/dt² and their dampers leave of the 1 in
+            ``dt²/4 K + dt/2 C < M`` [-].
+        undamped: What the dampers alone leave of it; 1 where they leave nothing [-].
         square: Bound of K/M of the springs that do not depend on the step [1/s²].
         rate: Bound of C/M of their dampers [1/s].
     """
 
     room: float
+    undamped: float
     square: float
     rate: float
 
@@ -76,11 +79,12 @@ def contact_terms(bodies: "Bodies", mass: Array, log: Callable[[str], Any]) -> C
         mass: Lumped mass of every local scalar dof [kg].
         log: Called with the line.
     """
-    room, square, rate = 1.0, 0.0, 0.0
+    room, undamped, square, rate = 1.0, 1.0, 0.0, 0.0
     for name, contact in bodies.scene.contacts.items():
         if contact.method == "penalty":
-            share = contact.penalty / 4 + contact.damping * contact.penalty**0.5
-            room -= share
+            lag = contact.damping * contact.penalty**0.5
+            share = contact.penalty / 4 + lag
+            room, undamped = room - share, undamped - lag
             if share >= 1:
                 log(
                     f"contacts.{name}: penalty / 4 + damping √penalty = {share:.2f}; from 1 on no "
@@ -93,7 +97,7 @@ def contact_terms(bodies: "Bodies", mass: Array, log: Callable[[str], Any]) -> C
             stiff, damped = largest_rates(*pair, contact.penalty, contact.damping)
             log(f"contacts.{name}: spring alone is stable up to {2 / stiff**0.5 * 1e9:.1f} ns")
             square, rate = square + stiff, rate + damped
-    return ContactTerms(room, square, rate)
+    return ContactTerms(room, undamped if undamped > 0 else 1.0, square, rate)
 
 
 def tell_offsets(model: "Model", log: Callable[[str], Any]) -> None:
@@ -101,4 +105,4 @@ def tell_offsets(model: "Model", log: Callable[[str], Any]) -> None:
     for name, pair in model.pairs.items():
         count, depth = pair.initial_offsets
         if count:
-            log(f"contacts.{name}: {count} nodes overlap at the start by up to {depth:.1e} m, offset")
+            log(f"contacts.{name}: {count} nodes overlap by up to {depth:.1e} m at first, offset")
