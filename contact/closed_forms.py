@@ -67,6 +67,24 @@ def hertz_line(load: float, radius: float, modulus: float) -> Hertz:
     return Hertz(float(a), np.inf, float(2.0 * load / (np.pi * a)), np.nan)
 
 
+def line_compression(hertz: Hertz, depth: float, E: float, nu: float) -> float:
+    """Return how much nearer the surface comes to a point below the middle of line contact [m].
+
+    The strain on the axis of a half-space, of the stresses of Johnson (4.46), summed to ``depth``.
+
+    Args:
+        hertz: The contact.
+        depth: Depth of the point [m].
+        E: Young's modulus of the body [Pa].
+        nu: Its Poisson's ratio [-].
+    """
+    _positive(depth=depth, E=E)
+    a, d = hertz.a, depth
+    vertical = a * np.arcsinh(d / a)
+    along = (d * np.hypot(a, d) - d**2) / a
+    return float(hertz.p0 * (1 + nu) / E * ((1 - nu) * vertical - nu * along))
+
+
 def hertz_ellipse(load: float, radius_x: float, radius_y: float, modulus: float) -> Hertz:
     """Return the contact of general curved bodies (Johnson 4.26-4.33).
 
@@ -167,6 +185,12 @@ def sphere_impact_time(mass: float, radius: float, modulus: float, speed: float)
     """Return the contact time of a Hertzian impact [s] (Johnson 11.24)."""
     _positive(mass=mass, radius=radius, modulus=modulus, speed=speed)
     return float(2.8683 * (mass**2 / (radius * modulus**2 * speed)) ** 0.2)
+
+
+def sphere_impact_approach(mass: float, radius: float, modulus: float, speed: float) -> float:
+    """Return the largest approach of a Hertzian impact [m] (Johnson 11.22)."""
+    _positive(mass=mass, radius=radius, modulus=modulus, speed=speed)
+    return float((15 * mass * speed**2 / (16 * np.sqrt(radius) * modulus)) ** 0.4)
 
 
 def sliding_stop(speed: float, friction: float, gravity: float = 9.81) -> tuple[float, float]:

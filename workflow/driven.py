@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+NOWHERE = np.zeros(3)
+
 
 class Carried:
     """A surface that keeps to a rigid motion, and the work of the forces that keep it there.
@@ -38,6 +40,12 @@ class Carried:
         shift = comm.allreduce(u.sum(axis=0)) / comm.allreduce(len(self.dofs))
         self.centre = np.array(entry.centre) + shift
         self.state = model.state
+        self.index = 3 * self.dofs.astype(np.int64)[:, None] + np.arange(3)
+        self.arm = self.reference[self.dofs] - self.centre
+        wx, wy, wz = self.spin
+        skew = np.array([[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]])
+        self.turn, self.spins = (skew @ skew).T, bool(self.spin.any())
+        self.still = not self.entry.shift_time
         self.reaction: Array | None = None
 
     def rigid(self, dofs: npt.NDArray[np.int32]) -> Array:
@@ -62,20 +70,41 @@ class Carried:
         """Return the present places of nodes, shape ``(n, 3)`` [m]."""
         return np.asarray(self.reference[dofs] + self.state.u.x.array.reshape(-1, 3)[dofs])
 
+    def shift(self, t: float) -> tuple[Array, Array]:
+        """Return what of the shift is done and its acceleration: a quintic from rest to rest.
+
+        Shapes ``(3,)`` [m] and [m/s²].
+        """
+        if self.still:
+            return NOWHERE, NOWHERE
+        way, time = np.array(self.entry.shift), self.entry.shift_time
+        if not 0 < t < time:
+            return (way if t > 0 else 0 * way), 0 * way
+        s = t / time
+        return way * s**3 * (10 - 15 * s + 6 * s**2), way / time**2 * s * (
+            60 - 180 * s + 120 * s**2
+        )
+
     def steer(self, a: la.Vector, free: Array) -> None:
         """Set the acceleration of the rigid motion, in place, and count the work so far.
 
-        It is ``ω × (ω × r)``; the reaction, mass times what it differs from the free acceleration,
-        does the work ``(R₋ + R) / 2 · dt v`` on the way from the last step to this.
+        It is ``ω × (ω × r)`` and that of the shift; the reaction, mass times what it differs from
+        the free acceleration, does the work ``(R₋ + R) / 2 · dt v`` on the way from the last step.
         """
-        index, state = self.dofs, self.state
-        r = self.places(index) - self.centre - self.velocity * state.t
-        held = np.cross(self.spin, np.cross(self.spin, r))
-        a.array.reshape(-1, 3)[index] = held
-        reaction = self.mass * (held - free)
+        state, index = self.state, self.index
+        moved, pull = self.shift(state.t)
+        if self.spins:
+            held = state.u.x.array[index]
+            held += self.arm - (self.velocity * state.t + moved)
+            held = held @ self.turn + pull
+        else:
+            held = np.broadcast_to(pull, index.shape)
+        a.array[index] = held
+        reaction = held - free
+        reaction *= self.mass
         if self.reaction is not None:
-            v = state.v.x.array.reshape(-1, 3)[index]
-            self.work += self.dt / 2 * float(((self.reaction + reaction) * v).sum())
+            both = np.add(self.reaction, reaction, out=self.reaction)
+            self.work += self.dt / 2 * float(np.vdot(both, state.v.x.array[index]))
         self.reaction = reaction
 
 
@@ -97,7 +126,7 @@ class Hold:
 
     def __call__(self, a: la.Vector) -> None:
         """Impose all held and driven components of an acceleration, in place."""
-        free = [a.array.reshape(-1, 3)[c.dofs].copy() for c in self.carried]
+        free = [a.array[c.index] for c in self.carried]
         self.supports(a)
         for carried, before in zip(self.carried, free, strict=True):
             carried.steer(a, before)

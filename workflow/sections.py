@@ -319,7 +319,8 @@ class Driven(Section):
 
     ``spin`` turns it about an axis through ``centre`` of the mesh, which moves with ``velocity``.
     With ``steady_start`` the pattern of deformation at rest stays where it is and the material
-    flows through it, as in rolling; without, the pattern is carried along.
+    flows through it, as in rolling; without, the pattern is carried along. ``shift`` is moved on
+    top of that within ``shift_time``, from rest to rest.
     """
 
     surface: str
@@ -327,6 +328,17 @@ class Driven(Section):
     spin: tuple[Spin, Spin, Spin] = (0.0, 0.0, 0.0)
     centre: tuple[Position, Position, Position] = (0.0, 0.0, 0.0)
     steady_start: bool = False
+    shift: tuple[Position, Position, Position] = (0.0, 0.0, 0.0)
+    shift_time: Delay = 0.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if any(self.shift) != (self.shift_time > 0):
+            raise ValueError(
+                f"driven: expected shift and shift_time together, got {self.shift} m in "
+                f"{self.shift_time} s"
+            )
+        return self
 
     @property
     def support(self) -> Support:
