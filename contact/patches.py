@@ -128,6 +128,19 @@ class Tracker:
         self._last = now
         return now.identity, events
 
+    def memory(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the next call depends on, for a checkpoint."""
+        own = np.array([self._count, np.nan if self._last is None else self._last.t])
+        last = {} if self._last is None else vars(self._last)
+        return {"own": own, "travel": self._travel} | {k: a for k, a in last.items() if k != "t"}
+
+    def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        count, t = memory["own"]
+        self._count, self._travel = int(count), memory["travel"]
+        names = ("position", "radius", "patch", "identity")
+        self._last = None if np.isnan(t) else _Seen(float(t), *(memory[k] for k in names))
+
     def _new(self, now: _Seen, j: int) -> int:
         now.identity[j] = self._count
         self._count += 1

@@ -25,6 +25,7 @@ from workflow.command import (
     load,
     on_ranks,
     print_summary,
+    scene_of,
 )
 from workflow.scene import Scene, SceneError, names
 
@@ -66,31 +67,42 @@ def scenes(as_json: Json = False) -> None:
         "squealx run flange-transition --ranks 2 --out runs/first",
         "squealx run flange-transition --set mesh.size=0.002",
         "squealx run runs/first/scene.toml --out runs/again",
+        "squealx run --resume --out runs/first --set time.end=0.006",
         EXIT,
     )
 )
 def run(
-    scene: SceneName,
+    scene: Annotated[
+        str | None,
+        typer.Argument(help="Built-in scene or TOML file; with --resume that of the folder."),
+    ] = None,
     changes: Changes = None,
     out: Annotated[
         Path | None, typer.Option(help="New folder for the results; runs/NAME if left out.")
     ] = None,
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the run.")] = 1,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on from the folder's checkpoint, on any ranks."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a scene: results into a new folder, progress on the terminal."""
+    if scene is None:
+        scene = scene_of(out, resume)
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
         from workflow.results import check_free
 
-        check_free(folder)
-        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json))
+        check_free(folder, resume)
+        verb = ("run", "--resume") if resume else ("run",)
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, verb))
     from mpi4py import MPI
 
     from workflow.running import run as run_scene
 
-    result = run_scene(checked, folder)
+    result = run_scene(checked, folder, resume=resume)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(result.summary)) if as_json else print_summary(result.summary, folder)
 

@@ -14,7 +14,7 @@ import typer
 
 from workflow.scene import Scene, SceneError
 
-EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a physics guard, results kept."
+EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a guard or a full disk, results kept."
 
 SceneName = Annotated[str, typer.Argument(help="Name of a built-in scene, or path of a TOML file.")]
 Changes = Annotated[
@@ -47,6 +47,15 @@ def load(scene: str, changes: list[str] | None) -> Scene:
         except tomllib.TOMLDecodeError:
             parsed[key.strip()] = text
     return Scene.load(scene, **parsed)
+
+
+def scene_of(out: Path | None, resume: bool) -> str:
+    """Return the scene file of the result folder that a run is to go on in."""
+    if out is None or not resume:
+        raise SceneError("SCENE: missing; only --resume with --out takes it from the folder")
+    if not (out / "scene.toml").is_file():
+        raise SceneError(f"out = {str(out)!r}: expected a result folder with scene.toml to resume")
+    return str(out / "scene.toml")
 
 
 def in_mpi() -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.hexmesh import HexMesh
+from workflow.durable import changing
 
 FIELDS = ("displacement", "velocity")
 HEXAHEDRON = 12  # VTK cell type
@@ -71,7 +72,7 @@ class FieldWriter:
         for name, array in values.items():
             if np.shape(array) != (self.nodes, 3):
                 raise ValueError(f"{name}: expected {(self.nodes, 3)}, got {np.shape(array)}")
-        with h5py.File(self.path, "r+", locking=False) as file:
+        with changing(self.path) as file:
             root = file["VTKHDF"]
             if "Steps" not in root:  # not before: VTK refuses a file with steps but none written
                 _open_steps(root, self.nodes)
@@ -89,7 +90,7 @@ class FieldWriter:
 
     def _cut(self, t: float) -> None:
         """Drop the outputs after ``t`` [s] from the file."""
-        with h5py.File(self.path, "r+", locking=False) as file:
+        with changing(self.path) as file:
             root = file["VTKHDF"]
             if len(root["Points"]) != self.nodes:
                 raise ValueError(

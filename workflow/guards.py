@@ -5,8 +5,10 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from contact.pair import ContactPair
     from workflow.model import Model
 
 
@@ -41,6 +43,90 @@ def _place(model: "Model", dof: int) -> str:
     body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
     x, y, z = domain.source.points[node]
     return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+
+
+class Watch:
+    """The guards that look at energy and contact at every output and between.
+
+    Args:
+        model: The model.
+    """
+
+    def __init__(self, model: "Model") -> None:
+        self.model = model
+        self.sizes = {name: node_sizes(pair) for name, pair in model.pairs.items()}
+        self.seen: dict[str, str] = {}
+
+    def check(self, error: float) -> None:
+        """Raise on every rank if the energy or a contact is beyond what the scene allows.
+
+        Args:
+            error: Balance error of the ledger [-].
+
+        Raises:
+            GuardError: telling time, place, likely cause and remedy.
+        """
+        check_energy(self.model, error)
+        for name, pair in self.model.pairs.items():
+            self._depth(name, pair)
+            if self.model.scene.contacts[name].keep:
+                self._touch(name, pair)
+
+    def _depth(self, name: str, pair: "ContactPair") -> None:
+        c, h = pair.history.touching[: pair.active], pair.history
+        if not len(c):
+            return
+        share = -h.gap[c] / self.sizes[name][c]
+        worst, limit = int(np.argmax(share)), self.model.scene.guards.penetration
+        if share[worst] > limit:
+            node = int(c[worst])
+            raise GuardError(
+                f"contact {name}: penetration {-h.gap[node]:.3e} m, {share[worst]:.0%} of the cell, "
+                f"is over guards.penetration = {limit:.0%} at {self._when()}, {where(pair, node)}; "
+                "likely a load or an approach too fast for the contact springs: a larger "
+                f"contacts.{name}.penalty, a smaller time.safety (it stiffens them) or a slower "
+                "start is the usual remedy"
+            )
+
+    def _touch(self, name: str, pair: "ContactPair") -> None:
+        if pair.normal_force > 0.0:
+            c = pair.history.touching[: pair.active]
+            top = int(c[np.argmax(pair.history.pressing[c])])
+            self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(pair, top)}"
+            return
+        raise GuardError(
+            f"contact {name}: lost at {self._when()}, {self.seen.get(name, 'it never was')}, where "
+            f"contacts.{name}.keep asks it to stay; likely the load is too small for the motion, "
+            "or bodies start apart or with a jerk: check loads, [equilibrium] and the initial "
+            "velocities, or leave keep out if it may bounce"
+        )
+
+    def _when(self) -> str:
+        return f"step {self.model.state.step}, t = {self.model.state.t:.6e} s"
+
+
+def node_sizes(pair: "ContactPair") -> npt.NDArray[np.float64]:
+    """Return the edge of the cells around each contactor node [m], shape ``(nc,)``.
+
+    That is the mean edge of the facets around it; of the target's, if the contactor is rigid.
+    """
+    from contact.search import typical_edge
+
+    surface = pair.contactor
+    n = len(surface.nodes)
+    if surface.rigid:
+        return np.full(n, typical_edge(pair.target))
+    quads = surface.facets
+    corners = surface.reference[quads]
+    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
+    total = np.bincount(quads.ravel(), np.repeat(edges, quads.shape[1]), n)
+    return np.asarray(total / np.maximum(np.bincount(quads.ravel(), minlength=n), 1))
+
+
+def where(pair: "ContactPair", node: int) -> str:
+    """Return which node of a contactor is meant and where it is, in words."""
+    x, y, z = pair.near.exchange.xv[node, :3]
+    return f"node {pair.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 
 def check_energy(model: "Model", error: float) -> None:

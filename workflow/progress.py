@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a run says while it goes on: a progress line with time remaining, and ``run.log``."""
 
+import contextlib
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from workflow.model import Model
 
 REFRESH = 0.2  # s between updates of the line
+PULSE = 60.0  # s after which the log tells of a run between two outputs
 
 
 class Progress:
@@ -28,71 +31,87 @@ class Progress:
         self.file: TextIO | None = None
         self.console = rich.console.Console(stderr=True, quiet=quiet or not root)
         self.bar: bar.Progress | None = None
-        self.shown = 0.0
-        self.note = ""
+        self.shown = self.told = 0.0
+        self.state = ""
 
     def log(self, line: str) -> None:
         """Print a line and keep it in the log."""
         self.console.print(line, highlight=False, soft_wrap=True)
         self._keep(line)
 
-    def keep_in(self, path: Path) -> None:
-        """Write the log to ``path`` from now on, with what was said so far."""
+    def keep_in(self, path: Path, *, go_on: bool = False) -> None:
+        """Write the log to ``path`` from now on, with what was said so far; behind it if told."""
         if self.root:
-            self.file = path.open("w", encoding="utf-8")
-            self.file.writelines(self.lines)
+            with contextlib.suppress(OSError):
+                self.file = path.open("a" if go_on else "w", encoding="utf-8")
+                self.file.writelines(self.lines)
             self.lines.clear()
 
     def _keep(self, line: str) -> None:
         text = f"{time.strftime('%H:%M:%S')} {line}\n"
         if self.file:
-            self.file.write(text)
-            self.file.flush()
+            with contextlib.suppress(OSError):  # a full disk: the results will tell
+                self.file.write(text)
+                self.file.flush()
         elif self.root:
             self.lines.append(text)
 
-    def start(self, steps: int, dt: float) -> None:
-        """Begin the progress line of ``steps`` steps of ``dt`` seconds."""
-        self.dt = dt
-        self.log(f"stepping: {steps} steps of {dt * 1e9:.1f} ns")
+    def start(self, model: "Model", last: int) -> None:
+        """Begin the progress line of a run from where it stands to its last step."""
+        self.dt, self.first, self.last = model.dt, model.state.step, last
+        self.log(f"stepping: {last - self.first} steps of {self.dt * 1e9:.1f} ns")
+        self.began = self.told = time.perf_counter()
         if self.console.quiet:
             return
-        self.bar = bar.Progress(
-            bar.TextColumn("{task.fields[clock]}"),
-            bar.BarColumn(),
-            bar.TaskProgressColumn(),
-            bar.TextColumn("{task.fields[rate]}"),
-            bar.TimeRemainingColumn(),
-            bar.TextColumn("{task.fields[note]}"),
-            console=self.console,
-            auto_refresh=False,
+        texts = (bar.TextColumn(f"{{task.fields[{name}]}}") for name in ("clock", "rate", "state"))
+        clock, rate, state = texts
+        ahead = bar.BarColumn(), bar.TaskProgressColumn(), rate, bar.TimeRemainingColumn()
+        self.bar = bar.Progress(clock, *ahead, state, console=self.console, auto_refresh=False)
+        self.task = self.bar.add_task(
+            "", total=last, completed=self.first, clock="", rate="", state=""
         )
-        self.task = self.bar.add_task("", total=steps, clock="", rate="", note="")
         self.bar.start()
-        self.began = time.perf_counter()
 
     def step(self, step: int) -> None:
-        """Move the line on, a few times a second at most."""
-        if self.bar is None or time.perf_counter() - self.shown < REFRESH:
+        """Move the line on, a few times a second at most; the log once a minute at least."""
+        now = time.perf_counter()
+        if now - self.shown < REFRESH:
             return
-        self.shown = time.perf_counter()
-        rate = step / max(self.shown - self.began, 1e-9)
-        self.bar.update(
-            self.task,
-            completed=step,
-            clock=f"t = {step * self.dt * 1e3:.3f} ms",
-            rate=f"{rate:.0f} steps/s",
-            note=self.note,
-            refresh=True,
-        )
+        self.shown = now
+        if now - self.told > PULSE:
+            self._pulse(step, "")
+        if self.bar is not None:
+            self.bar.update(
+                self.task,
+                completed=step,
+                clock=f"t = {step * self.dt * 1e3:.3f} ms",
+                rate=f"{self.rate(step):.0f} steps/s of {self.dt * 1e9:.1f} ns",
+                state=self.state,
+                refresh=True,
+            )
 
-    def output(self, model: "Model", error: float) -> None:
+    def rate(self, step: int) -> float:
+        """Return the steps per second since the start [1/s]."""
+        return (step - self.first) / max(time.perf_counter() - self.began, 1e-9)
+
+    def output(self, model: "Model", history: Mapping[str, float]) -> None:
         """Note the state at an output: energy error, contact force and patches."""
-        parts = [f"energy {error:+.1e}"]
-        for name, pair in model.pairs.items():
-            parts.append(f"{name} {pair.normal_force / 1e3:.1f} kN, {pair.active} nodes")
-        self.note = "; ".join(parts)
-        self._keep(f"t = {model.state.t * 1e3:.4f} ms, step {model.state.step}: {self.note}")
+        parts = [f"energy {history['balance_error']:+.1e}"]
+        for name in model.pairs:
+            force, patches = history[f"{name}_normal_force"], int(history[f"{name}_patches"])
+            plural = "patch" if patches == 1 else "patches"
+            parts.append(f"{name} {force / 1e3:.1f} kN in {patches} {plural}")
+        self.state = "; ".join(parts)
+        self._pulse(model.state.step, f": {self.state}")
+
+    def _pulse(self, step: int, state: str) -> None:
+        """Keep a line of the log: time, step, rate, time remaining, and the state if given."""
+        self.told, rate = time.perf_counter(), self.rate(step)
+        left = f"{(self.last - step) / rate:.0f} s left" if rate > 0 else "starting"
+        self._keep(
+            f"t = {step * self.dt * 1e3:.4f} ms, step {step} of {self.last}, "
+            f"{rate:.0f} steps/s, dt = {self.dt * 1e9:.1f} ns, {left}{state}"
+        )
 
     def close(self, *_: Any) -> None:
         """End the line and the log."""
@@ -100,4 +119,5 @@ class Progress:
             self.bar.refresh()
             self.bar.stop()
         if self.file:
-            self.file.close()
+            with contextlib.suppress(OSError):
+                self.file.close()

@@ -3,9 +3,11 @@
 
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
 
 import h5py
 import numpy as np
@@ -13,22 +15,29 @@ import numpy.typing as npt
 import tomli_w
 
 from meshes.domain import Domain
+from workflow import durable
 from workflow.fields import FieldWriter
 from workflow.patch_table import append_events, append_patches
 from workflow.scene import Scene, SceneError
 
+if TYPE_CHECKING:
+    from workflow.checkpoint import Checkpoint
+
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
 
 
-def check_free(folder: str | Path) -> Path:
-    """Return the folder of a new run without touching it.
+def check_free(folder: str | Path, resume: bool = False) -> Path:
+    """Return the folder of a new run, or of one to go on with, without touching it.
 
     Raises:
         SceneError: if it holds a run already or cannot be made or written.
     """
     path = Path(folder)
-    if (path / "scene.toml").exists() or (path / "summary.json").exists():
-        raise SceneError(f"out = {str(path)!r}: already holds a run; expected a new folder")
+    held = (path / "scene.toml").exists() or (path / "summary.json").exists()
+    if held and not resume:
+        raise SceneError(
+            f"out = {str(path)!r}: already holds a run; expected a new folder, or --resume"
+        )
     there = next(p for p in (path, *path.absolute().parents) if p.exists())
     try:
         tempfile.TemporaryDirectory(dir=there).cleanup()  # permissions alone do not tell
@@ -39,25 +48,75 @@ def check_free(folder: str | Path) -> Path:
     return path
 
 
-class Results:
-    """Writes the results of a run as it goes; all methods are collective, rank 0 writes."""
+def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
+    """Write on rank 0.
 
-    def __init__(self, folder: Path, scene: Scene, domain: Domain) -> None:
+    Raises:
+        RuntimeError: on all ranks, if there is no room or no permission.
+    """
+    told = None
+    if comm.rank == 0:
+        try:
+            work()
+        except OSError as error:
+            told = error.strerror or str(error)
+    told = comm.bcast(told)
+    if told is not None:
+        raise RuntimeError(
+            f"results cannot be written: {told}; expected room and permission in {str(folder)!r}; "
+            f"when there is, go on with: squealx run --resume --out {folder}"
+        )
+
+
+class Results:
+    """Writes the results of a run as it goes; all methods are collective, rank 0 writes.
+
+    Attributes:
+        outputs: Number of outputs written.
+        trackers: What follows the patches of each pair, on rank 0.
+        lost: What could not be kept of a run that is resumed, for the log.
+    """
+
+    def __init__(
+        self, folder: Path, scene: Scene, domain: Domain, point: "Checkpoint | None" = None
+    ) -> None:
+        """Begin a result folder, or go on with the one of a checkpoint.
+
+        Raises:
+            SceneError: if it cannot be written.
+        """
         self.folder, self.domain, self.comm = folder, domain, domain.msh.comm
         self.outputs = 0
         self.trackers: dict[str, Any] = {}
         self.fields: FieldWriter | None = None
-        if self.comm.rank == 0:
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "scene.toml").write_text(tomli_w.dumps(scene.tables()), "utf-8")
-            with h5py.File(folder / "results.h5", "w", locking=False) as file:
-                file.attrs["scene"] = scene.name
-                file.create_group("history")
-                file.create_group("contact")
-                file.create_group("patches")
-            if scene.output.fields:
-                self.fields = FieldWriter(folder / "fields.vtkhdf", domain.source)
         self.write_fields = scene.output.fields
+        self.lost: list[str] = []
+        try:
+            on_root(self.comm, folder, lambda: self._open(scene, point))
+        except RuntimeError as error:
+            raise SceneError(f"out = {str(folder)!r}: {error}") from None
+        self.outputs = point.about["outputs"] if point else 0
+
+    def _open(self, scene: Scene, point: "Checkpoint | None") -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        settings = tomli_w.dumps(scene.tables()).encode()
+        fields, t = self.folder / "fields.vtkhdf", None
+        if point is None:
+            for path in (self.folder / "results.h5", fields):
+                durable.journal_of(path).unlink(missing_ok=True)
+            with h5py.File(self.folder / "results.h5", "w", locking=False) as file:
+                file.attrs["scene"] = scene.name
+                for name in ("history", "contact", "patches"):
+                    file.create_group(name)
+        else:
+            from workflow import going_on
+
+            t = float(point.arrays["time"][0])
+            self.trackers = going_on.trackers(point)
+            self.lost = going_on.cut(self.folder, point.about["outputs"], t)
+        durable.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
+        if self.write_fields:
+            self.fields = FieldWriter(fields, self.domain.source, resume_at=t)
 
     def append(
         self,
@@ -71,13 +130,19 @@ class Results:
             history: A row of the history.
             footprints: The footprint of each contact pair.
             motions: The creepage at each patch of each footprint.
+
+        Raises:
+            RuntimeError: if it cannot be written; the file is then as it was.
         """
-        if self.comm.rank == 0:
-            with h5py.File(self.folder / "results.h5", "r+", locking=False) as file:
+
+        def write() -> None:
+            with durable.changing(self.folder / "results.h5") as file:
                 for name, value in history.items():
                     _append(file["history"], name, value)
                 for name, footprint in footprints.items():
                     self._append_contact(file, name, history["t"], footprint, motions[name])
+
+        on_root(self.comm, self.folder, write)
         self.outputs += 1
 
     def _append_contact(
@@ -102,14 +167,19 @@ class Results:
         """Add displacement and velocity (local arrays) of the whole mesh."""
         if self.write_fields:
             displacement, velocity = gather(self.domain, u), gather(self.domain, v)
-            if self.fields is not None:
-                self.fields.append(t, displacement, velocity)
+            fields = self.fields
+
+            def write() -> None:
+                if fields is not None:
+                    fields.append(t, displacement, velocity)
+
+            on_root(self.comm, self.folder, write)
 
     def summarise(self, summary: Mapping[str, Any]) -> None:
         """Write ``summary.json``."""
-        if self.comm.rank == 0:
-            text = json.dumps(strict(summary), indent=2, default=float)
-            (self.folder / "summary.json").write_text(text + "\n", "utf-8")
+        text = json.dumps(strict(summary), indent=2, default=float) + "\n"
+        path = self.folder / "summary.json"
+        on_root(self.comm, self.folder, lambda: durable.replace(path, text.encode()))
 
 
 def strict(value: Any) -> Any:

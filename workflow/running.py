@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A run from scene to results: equilibrium, rolling start, steps, outputs, summary."""
 
+import copy
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,16 +13,16 @@ from mpi4py import MPI
 import numpy as np
 
 from forms.elements import Law
-from workflow import guards
+from workflow import checkpoint, guards
 from workflow.clock import Clock
-from workflow.contact_step import tell_offsets
-from workflow.energy import Energy, Ledger, columns
+from workflow.energy import Energy, Ledger
 from workflow.geometry import cell_size
 from workflow.model import Model, build
-from workflow.patch_table import creepages
+from workflow.outputs import output, summarise
 from workflow.progress import Progress
 from workflow.results import Results, check_free
 from workflow.scene import Scene, SceneError
+from workflow.snapshot import restore
 from workflow.stepping import central_difference
 
 if TYPE_CHECKING:
@@ -59,65 +59,105 @@ def run(
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     quiet: bool = False,
+    resume: bool = False,
 ) -> Result:
     """Run a scene and leave its results in a new folder.
 
     Args:
         scene: What to run.
-        out: Result folder; made if missing, must not hold a run.
+        out: Result folder; made if missing, must not hold a run unless ``resume``.
         comm: Ranks that share the run.
         watch: Called with the model at every step, for experiments.
         laws: Material laws of your own by body name, in place of the scene's.
         friction: Friction laws of your own by contact name, in place of the scene's.
         quiet: No progress on the terminal; ``run.log`` is always written.
+        resume: Go on from the last checkpoint in ``out``; from the start if there is none.
 
     Raises:
         SceneError: bad input, before anything is written.
         GuardError: the run was stopped; everything up to there is kept.
     """
-    started = time.perf_counter()
-    folder = checked(out, comm)
-    clock = Clock()
-    progress = Progress(comm.rank == 0, quiet)
-    model = build(scene, comm, progress.log, clock, laws, friction)
-    check_apart(model)
-    results = Results(folder, scene, model.domain)
-    progress.keep_in(folder / "run.log")
+    began = time.perf_counter()
+    folder = checked(out, comm, resume)
+    point = checkpoint.read(folder, comm) if resume else None
+    clock, progress = Clock(), Progress(comm.rank == 0, quiet)
+    built = point.as_built(scene) if point else scene
+    model = build(built, comm, progress.log, clock, laws, friction)
+    model.scene = scene  # its mesh may be that of an earlier end
+    if point is not None:
+        point.fits(model)
+    else:
+        check_apart(model)
+    results, ledger = Results(folder, scene, model.domain, point), Ledger(model)
+    progress.keep_in(folder / "run.log", go_on=point is not None)
+    keeper = checkpoint.Keeper(model, ledger, results, clock, point, began)
     energy, error, status = None, 0.0, "done"
     try:
-        with clock.phase("equilibrium"):
-            start(model, progress.log)
-        for energy, error in steps(model, results, clock, progress, watch):
+        if point is None:
+            with clock.phase("equilibrium"):
+                start(model, progress.log)
+        else:
+            take_up(point, model, ledger, results, clock, progress)
+            energy, error = copy.copy(ledger).measure()  # the ledger itself has done so then
+        for energy, error in steps(model, results, ledger, keeper, clock, progress, watch, point):
             pass
     except guards.GuardError as stop:
         status = f"stopped: {stop}"
         raise
-    except RuntimeError as stop:  # of the contact: a node went through, or is nowhere
+    except RuntimeError as stop:  # no room for results; a node went through, or is nowhere
         status = f"stopped: {stop}"
         raise guards.GuardError(f"{stop} (step {model.state.step})") from stop
     except BaseException as failure:
         status = f"failed: {type(failure).__name__}: {failure}"
         raise
     finally:
-        wall = time.perf_counter() - started
-        summary = summarise(model, energy, error, status, clock, wall)
-        results.summarise(summary)
-        progress.close()
+        summary = summarise(model, energy, error, status, clock, keeper.wall)
+        conclude(results, summary, progress)
     return Result(folder, summary)
 
 
-def checked(out: str | Path, comm: MPI.Comm) -> Path:
+def conclude(results: Results, summary: Mapping[str, Any], progress: Progress) -> None:
+    """Write the summary; if it is a full disk that ended the run, only say so."""
+    try:
+        results.summarise(summary)
+    except RuntimeError as error:
+        if summary["status"] == "done":
+            raise guards.GuardError(str(error)) from error
+        progress.log(f"summary.json not written: {error}")
+    finally:
+        progress.close()
+
+
+def checked(out: str | Path, comm: MPI.Comm, resume: bool = False) -> Path:
     """Return the result folder if rank 0 finds it free; raise alike on all ranks if not."""
     error = None
     if comm.rank == 0:
         try:
-            check_free(out)
+            check_free(out, resume)
         except SceneError as caught:
             error = caught
     error = comm.bcast(error)
     if error is not None:
         raise error
     return Path(out)
+
+
+def take_up(
+    point: checkpoint.Checkpoint,
+    model: Model,
+    ledger: Ledger,
+    results: Results,
+    clock: Clock,
+    progress: Progress,
+) -> None:
+    """Bring a model to the state of a checkpoint."""
+    restore(model, ledger, point.arrays)
+    for phase, seconds in point.about["seconds"].items():
+        clock.seconds[phase] += seconds
+    ranks, state = point.about["ranks"], model.state
+    progress.log(f"resumed at step {state.step}, t = {state.t:.6e} s, written on {ranks} ranks")
+    for line in results.lost:
+        progress.log(line)
 
 
 def check_apart(model: Model) -> None:
@@ -165,19 +205,19 @@ def start(model: Model, log: Callable[[str], Any]) -> None:
 def steps(
     model: Model,
     results: Results,
+    ledger: Ledger,
+    keeper: checkpoint.Keeper,
     clock: Clock,
     progress: Progress,
     watch: Callable[[Model], None] | None,
+    point: checkpoint.Checkpoint | None = None,
 ) -> Iterator[tuple[Energy, float]]:
     """Step to the end; yield energies and balance error at every output."""
     scene, state = model.scene, model.state
-    ledger = Ledger(model)
     per_output = round(scene.time.output_interval / model.dt)
     last = round(scene.time.end / model.dt)
     loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
-    constraints = [clock.timed(model.phase_of(add), add) for add in model.last]
-    points = model.connections.masses if model.connections is not None else None
-    progress.start(last, model.dt)
+    progress.start(model, last)
     loop = central_difference(
         state,
         model.mass.petsc_vec,
@@ -185,98 +225,30 @@ def steps(
         model.drives or model.supports,
         model.dt,
         last * model.dt,
-        points,
+        model.connections.masses if model.connections is not None else None,
         model.dead.nodal,
-        last=constraints,
+        resumed=point is not None,
     )
     began = time.perf_counter()
     busy = sum(clock.seconds.values())
+    watched = guards.Watch(model)
     for _ in loop:
         guards.check_finite(model)
-        if state.step == 0:
-            tell_offsets(model, progress.log)
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:
             with clock.phase("output"):
                 energy, error = ledger.measure()
-                output(model, results, energy, error)
-            progress.output(model, error)
-            guards.check_energy(model, error)
+                history = output(model, results, energy, error)
+            progress.output(model, history)
+            watched.check(error)
             yield energy, error
         elif state.step % scene.guards.check_interval == 0:
-            guards.check_energy(model, ledger.measure()[1])
+            watched.check(ledger.measure()[1])
+        if told := keeper.step():
+            progress.log(told)
         progress.step(state.step)
     others = sum(clock.seconds.values()) - busy
     clock.seconds["update"] += time.perf_counter() - began - others
-
-
-def output(model: Model, results: Results, energy: Energy, error: float) -> None:
-    """Write one output: history, footprints, fields."""
-    state, scene = model.state, model.scene
-    history = {"t": state.t, **columns(energy, error)}
-    u, v = state.u.x.array, state.v.x.array + model.dt / 2 * state.a.array
-    footprints, motions = {}, {}
-    for name, pair in model.pairs.items():
-        footprint = pair.footprint(stick_tolerance=scene.contacts[name].stick_tolerance)
-        footprints[name] = footprint
-        motions[name] = creepages(pair, u, v, footprint, scene)
-        history |= {
-            f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
-        }
-    results.append(history, footprints, motions)
-    results.append_fields(state.t, u, v)
-
-
-def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
-    """Return the history columns of a contact pair."""
-    x, y, z = pair.tangential_force
-    return {
-        "normal_force": pair.normal_force,
-        "tangential_x_force": x,
-        "tangential_y_force": y,
-        "tangential_z_force": z,
-        "max_penetration": pair.max_penetration,
-        "normal_energy": pair.normal_energy,
-        "tangential_energy": pair.tangential_energy,
-        "friction_dissipation": pair.friction_dissipation,
-        "area": float(np.sum(footprint.area)),
-        "patches": float(len(footprint.patches)),
-    }
-
-
-def summarise(
-    model: Model, energy: Energy | None, error: float, status: str, clock: Clock, wall: float
-) -> dict[str, Any]:
-    """Return the contents of ``summary.json``."""
-    mesh = model.domain.source
-    contacts = {}
-    for name, pair in model.pairs.items():
-        footprint = pair.footprint()
-        contacts[name] = {
-            "max_penetration": pair.max_penetration,
-            "normal_force": pair.normal_force,
-            "tangential_force": list(map(float, pair.tangential_force)),
-            "patches": len(footprint.patches),
-            "area": float(np.sum(footprint.area)),
-            "contact_angles": [patch.contact_angle for patch in footprint.patches],
-        }
-    stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
-    return {
-        "scene": model.scene.name,
-        "version": version("squealx"),
-        "status": status,
-        "cells": len(mesh.cells),
-        "nodes": len(mesh.points),
-        "dofs": 3 * len(mesh.points),
-        "ranks": model.domain.msh.comm.size,
-        "steps": model.state.step,
-        "time": model.state.t,
-        "dt": model.dt,
-        "dt_bound": model.dt_bound,
-        "wall_seconds": wall,
-        "seconds_per_phase": clock.seconds,
-        "element_updates_per_second": len(mesh.cells) * model.state.step / max(stepping, 1e-9),
-        "energy": columns(energy, error) if energy is not None else None,
-        "contacts": contacts,
-    }
+    if told := keeper.end():
+        progress.log(told)

@@ -26,6 +26,7 @@ from workflow.quantities import (
     Factor,
     Growth,
     Length,
+    Minutes,
     Modulus,
     Position,
     Rate,
@@ -270,7 +271,7 @@ class RigidWall(Section):
 
 
 class Contact(Section):
-    """Contactor nodes against target facets.
+    """Contactor nodes against target facets; with ``keep`` a run stops where they part.
 
     ``method`` is ``penalty`` (springs of ``penalty`` times effective mass over dt²),
     ``modulus-penalty`` (``penalty`` times bulk modulus, area and area over volume of the cells
@@ -292,6 +293,7 @@ class Contact(Section):
     initial_overlap: Literal["offset", "push"] = "offset"
     offset_time: Delay = 0.0
     stick_tolerance: Share = 0.05
+    keep: bool = False
 
     @model_validator(mode="after")
     def _method_fits(self) -> Self:
@@ -371,12 +373,31 @@ class Rolling(Section):
         return self.angle_of_attack if self.travel_angle is None else self.travel_angle
 
 
-class Equilibrium(Section):
-    """Static solve before time zero; ``approach`` moves a body into touch as first guess.
+class Relaxation(Section):
+    """Dynamic relaxation: velocities shrink at every step until nothing moves any more.
 
-    ``shift`` then moves the wheelset along its axle, to where the run is to start.
+    ``velocity_factor`` is what they are multiplied by; left out, it is found from the lowest
+    frequency that is seen in the motion. At rest the largest kinetic over internal energy of
+    ``check_interval`` steps is below ``tolerance``. With ``mass_scaling`` each cell gets the mass
+    that makes it as fast as the step allows: masses do not matter at rest.
     """
 
+    velocity_factor: Annotated[float, Field(gt=0, lt=1)] | None = None
+    tolerance: Factor = 1e-8
+    check_interval: Count = 250
+    max_steps: Count = 100_000
+    mass_scaling: bool = True
+
+
+class Equilibrium(Section):
+    """Rest before time zero; ``approach`` moves a body into touch as first guess.
+
+    ``shift`` then moves the wheelset along its axle, to where the run is to start. ``tolerance``
+    and ``max_iterations`` are those of the static solve, ``relaxation`` is the other method.
+    """
+
+    method: Literal["static", "relaxation"] = "static"
+    relaxation: Relaxation = Relaxation()
     tolerance: Factor = 1e-6
     max_iterations: Count = 40
     approach: dict[str, tuple[Position, Position, Position]] = Field(default_factory=dict)
@@ -401,13 +422,20 @@ class Time(Section):
 
 
 class Guards(Section):
-    """When a run is stopped."""
+    """When a run is stopped; ``penetration`` is a share of the contactor's cell at the node."""
 
     energy_error: Factor = 0.05
+    penetration: Factor = 0.5
     check_interval: Count = 50
 
 
 class Output(Section):
-    """What a run leaves besides its history."""
+    """What a run leaves besides its history.
+
+    A checkpoint to go on from is written every ``checkpoint_minutes`` of wall time, or every so
+    many steps, and at the end; 0 minutes: none.
+    """
 
     fields: bool = True
+    checkpoint_minutes: Minutes = 10.0
+    checkpoint_steps: Count | None = None
