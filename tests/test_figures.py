@@ -137,7 +137,9 @@ def footprint(surface: dict, profile, placement, k: int) -> dict:
     ]
     arrays = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     label = np.repeat(np.arange(len(parts)), [len(p["area"]) for p in parts])
-    return arrays | {"patch": label, "stick": label == 0, "slip_velocity": arrays["normal"]}
+    friction = np.full(len(label), 0.6)
+    more = {"patch": label, "stick": label == 0, "slip_velocity": arrays["normal"]}
+    return arrays | more | {"friction": friction}
 
 
 @pytest.fixture(scope="session")
@@ -176,6 +178,13 @@ def transition(tmp_path_factory) -> Path:
         }
         for name, values in ledger.items():
             file[f"history/{name}"] = values
+        rows = [(t, place) for k, t in enumerate(TIMES) for place in range(len(loads(k)))]
+        angle = np.array([placement.tread_angle, placement.flange_angle])
+        creepage = np.array([[1e-3, 2e-3], [-0.015, -0.055]])
+        t, place = np.array(rows).T
+        for name, values in {"contact_angle": angle, "creepage": creepage}.items():
+            file[f"patches/wheel_rail/{name}"] = values[place.astype(int)]
+        file["patches/wheel_rail/t"] = t
     return folder
 
 
@@ -188,9 +197,10 @@ def not_blank(path: Path) -> bool:
 
 
 def test_transition_has_all_figures(transition):
-    """Model, placement, footprints, section, patch forces and energy, none of them blank."""
+    """Model, placement, footprints, section, patches and energy, none of them blank."""
     paths = figures.draw(transition)
-    names = ["model", "placement", "footprints", "cross_section", "patch_forces", "energy"]
+    names = ["model", "placement", "footprints", "cross_section", "patch_forces", "patch_means"]
+    names += ["adhesion", "centre_line", "shear_vectors", "energy"]
     assert [p.name for p in paths] == [f"{n}.png" for n in names]
     assert all(p.parent == transition / "figures" and not_blank(p) for p in paths)
 

@@ -10,17 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflow import theme
-from workflow.figures_curves import energy, history, patch_forces, pressure
+from workflow.figures_curves import energy, history, patch_forces, patch_means, pressure
 from workflow.figures_footprint import footprints
 from workflow.figures_model import model
 from workflow.figures_placement import placement
 from workflow.figures_section import cross_section
+from workflow.figures_shear import adhesion, centre_line, shear_vectors
 from workflow.recorded import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "adhesion",
+    "centre_line",
     "cross_section",
     "draw",
     "energy",
@@ -28,8 +31,10 @@ __all__ = [
     "history",
     "model",
     "patch_forces",
+    "patch_means",
     "placement",
     "pressure",
+    "shear_vectors",
 ]
 
 FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
@@ -38,6 +43,10 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     footprints,
     cross_section,
     patch_forces,
+    patch_means,
+    adhesion,
+    centre_line,
+    shear_vectors,
     energy,
     history,
     pressure,

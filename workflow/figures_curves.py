@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow import theme
-from workflow.recorded import Contact, Record
+from workflow.recorded import STEEP, Contact, Record
 from workflow.theme import Array
 
 if TYPE_CHECKING:
@@ -43,6 +43,54 @@ def patch_forces(record: Record) -> "Figure | None":
     handles, names = panels[0].get_legend_handles_labels()
     fig.legend(handles, names, loc="outside lower center", ncols=3)
     return fig
+
+
+def patch_means(record: Record) -> "Figure | None":
+    """Mean shear stress of each patch, its angle θ and the creepages of the bodies over time."""
+    if not record.wheel_on_rail or not record.contacts:
+        return None
+    from matplotlib.ticker import MultipleLocator
+
+    contact = next(iter(record.contacts.values()))
+    fig = theme.figure(theme.PAGE, 4.6)
+    panels = fig.subplots(2, 2, sharex=True).ravel()
+    scale, unit = theme.prefixed(contact.t, "s")
+    quantities = ("lateral_shear", "longitudinal_shear", "shear_angle")
+    titles = ("mean lateral shear", "mean longitudinal shear", "angle θ of the mean shear")
+    labels = ("stress on the rail [MPa]", "stress on the rail [MPa]", "from −longitudinal [°]")
+    for k, factor in enumerate((1e-6, 1e-6, 1.0)):
+        _by_patch(panels[k], contact, quantities[k], scale, factor)
+        theme.letter(panels[k], "abc"[k], titles[k])
+        panels[k].set_ylabel(labels[k])
+    panels[2].yaxis.set_major_locator(MultipleLocator(30))
+    _creepages(panels[3], record, scale)
+    for axes in panels:
+        axes.axhline(0, color=theme.FAINT, lw=0.6)
+        _mark_birth(axes, contact, scale)
+    for axes in panels[2:]:
+        axes.set_xlabel(f"time [{unit}]")
+    handles, names = panels[0].get_legend_handles_labels()
+    fig.legend(handles, names, loc="outside lower center", ncols=3)
+    return fig
+
+
+def _creepages(axes: "Axes", record: Record, scale: float) -> None:
+    """Draw the creepages of every patch in the table, lateral ones dashed."""
+    table = record.patches
+    if not table:
+        axes.set_axis_off()
+        return
+    steep = np.degrees(table["contact_angle"]) >= STEEP
+    for place, mine in ((1, ~steep), (2, steep)):
+        t, creepage = table["t"][mine] * scale, 100 * table["creepage"][mine]
+        for along, line in ((0, "-"), (1, "--")):
+            if mine.any():
+                axes.plot(t, creepage[:, along], line, color=theme.PATCH[place], marker="o", ms=2.8)
+    axes.plot([], [], "-", color=theme.INK, label="longitudinal")
+    axes.plot([], [], "--", color=theme.INK, label="lateral")
+    axes.legend(loc="center right")
+    theme.letter(axes, "d", "creepages of wheel on rail")
+    axes.set_ylabel("creepage [%]")
 
 
 def energy(record: Record) -> "Figure | None":

@@ -103,8 +103,11 @@ class Patch:
     def shear_angle(self) -> float:
         """Angle of the mean shear on the lower body from the negative longitudinal axis [degrees].
 
-        Positive towards the negative lateral axis: on a rail to the gauge side and downwards.
+        Positive towards the negative lateral axis: on a rail to the gauge side and downwards. NaN
+        where shear is less than a thousandth of the normal force.
         """
+        if self.tangential_force < 1e-3 * self.normal_force:
+            return float("nan")
         return float(np.degrees(np.arctan2(-self.lateral_shear, -self.longitudinal_shear)))
 
     @property
@@ -187,6 +190,13 @@ class Record:
         with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
             found = {name: _contact(group) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
+
+    @cached_property
+    def patches(self) -> dict[str, Array]:
+        """Columns of the table of patches of the first pair that touched, a row for each patch."""
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            table = file.get(f"patches/{next(iter(self.contacts))}", {})  # older folders have none
+            return {name: data[:] for name, data in table.items() if name != "events"}
 
     @cached_property
     def body(self) -> Body | None:

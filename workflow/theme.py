@@ -52,6 +52,7 @@ CLOSED_FORMS = ("#a9d0e2", "#f7d09b")  # behind the colours of PATCH
 ONE_POINT, TWO_POINT = "#1f5fbf", "#d1242f"
 PATCH = {1: "#0b6e99", 2: "#e07b00"}
 PATCH_NAME = {1: "patch 1, rail top", 2: "patch 2, gauge corner"}
+ADHESION, SLIP = "#1b7f79", "#f2a93b"
 WHEEL, RAIL = "#a9c1d9", "#d9cdb8"
 
 REGION = {

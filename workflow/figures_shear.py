@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Adhesion and slip, stresses on the centre line and shear vectors of the patches that roll.
+
+Patches are drawn in their own tangent plane: longitudinal to the right, lateral up, from the centre
+of the normal force. Stresses are those on the lower body, nodal forces over tributary areas.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workflow import theme
+from workflow.recorded import Contact, Patch, Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1e3
+MPA = 1e-6
+PANELS = 4  # outputs side by side
+FEWEST = 3  # nodes of a patch worth drawing
+OTHER_NAME = {1: "contact patch", 2: "steep patch"}
+
+
+def adhesion(record: Record) -> "Figure | None":
+    """Adhesion and slip in each patch: friction x normal - shear force against its tolerance."""
+    contact = rolling_contact(record)
+    if contact is None:
+        return None
+    tolerance = stick_tolerance(record)
+
+    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
+        _cells(axes, patch, [theme.ADHESION if s else theme.SLIP for s in patch.stick])
+        largest = max(np.linalg.norm(p.traction, axis=1).max() for p in everything)
+        text = f"{patch.stick.sum()} of {len(patch.stick)} adhere\nε = {tolerance * largest:.0f} N"
+        _note(axes, text)
+
+    fig = _panels(record, contact, draw)
+    colours = {"adhesion": theme.ADHESION, "slip": theme.SLIP}
+    _legend(fig, colours, f"ε is {100 * tolerance:g} % of the largest nodal shear force")
+    return fig
+
+
+def shear_vectors(record: Record) -> "Figure | None":
+    """Shear stress on the lower body as vectors, and its angle θ of the mean."""
+    contact = rolling_contact(record)
+    if contact is None:
+        return None
+    shown = [p for _, patches in moments(contact) for p in patches.values()]
+    largest = max(float(np.linalg.norm(p.shear, axis=1).max()) for p in shown)
+    step = float(np.median([np.sqrt(np.median(p.areas)) for p in shown])) * MM
+    unit = largest * MPA / (1.6 * step)  # the longest arrow spans 1.6 nodes
+
+    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
+        _cells(axes, patch, ["#efefef"] * len(patch.areas))
+        x, y = patch.local.T * MM
+        axes.quiver(x, y, *(patch.shear.T * MPA), angles="xy", scale_units="xy", scale=unit,
+                    color=theme.INK, width=0.006, zorder=3)  # fmt: skip
+        mean = np.linalg.norm([patch.longitudinal_shear, patch.lateral_shear]) * MPA
+        _note(axes, f"θ = {patch.shear_angle:.0f}°\nmean {mean:.0f} MPa")
+
+    fig = _panels(record, contact, draw)
+    about = f"longest arrow {largest * MPA:.0f} MPa; θ from the negative longitudinal axis"
+    _legend(fig, {}, about)
+    return fig
+
+
+def centre_line(record: Record) -> "Figure | None":
+    """Pressure, friction x pressure and shear stress along each longitudinal centre line."""
+    contact = rolling_contact(record)
+    if contact is None:
+        return None
+
+    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
+        line = centre_row(patch)
+        x, pressure = patch.local[line, 0] * MM, (patch.pressing / patch.areas)[line] * MPA
+        shear = np.linalg.norm(patch.shear, axis=1)[line] * MPA
+        style: dict[str, Any] = {"marker": "o", "ms": 2.6, "clip_on": False}
+        axes.plot(x, pressure, color=theme.FAINT, **style)
+        axes.plot(x, shear, color=theme.ADHESION, **style)
+        axes.plot(x, patch.friction[line] * pressure, color=theme.SLIP, ls="--", **style)
+
+    fig = _panels(record, contact, draw, plane=False)
+    colours = {"pressure": theme.FAINT, "friction × pressure": theme.SLIP}
+    _legend(fig, colours | {"shear stress": theme.ADHESION}, "nodes of the row next to the centre")
+    return fig
+
+
+def rolling_contact(record: Record) -> Contact | None:
+    """Return the contact of a scene in which something rolls and shear is passed on, or None."""
+    rolls = record.scene.get("rolling") or record.scene.get("driven")
+    if not rolls or not record.contacts:
+        return None
+    contact = next(iter(record.contacts.values()))
+    sheared = [p.tangential_force > 0 for patches in contact.patches for p in patches.values()]
+    return contact if any(sheared) and moments(contact) else None
+
+
+def stick_tolerance(record: Record) -> float:
+    """Return the tolerance of adhesion, a part of the largest tangential nodal force [-]."""
+    name = next(iter(record.contacts))
+    return float(record.scene["contacts"][name].get("stick_tolerance", 0.05))
+
+
+def moments(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
+    """Return time and patches of the outputs to show.
+
+    Those are the last before a second patch is born, and the first, middle and last with two; or,
+    where there is one patch only, four spread over the run. Patches of a few nodes do not count.
+    """
+    outputs = [
+        (float(t), {k: p for k, p in patches.items() if len(p.areas) >= FEWEST})
+        for t, patches in zip(contact.t, contact.patches, strict=True)
+    ]
+    two = [k for k, (_, patches) in enumerate(outputs) if len(patches) == 2]
+    one = [k for k, (_, patches) in enumerate(outputs) if len(patches) == 1]
+    if two:
+        before = [k for k in one if k < two[0]][-1:]
+        chosen = [*before, *(two[round(i * (len(two) - 1) / 2)] for i in range(PANELS - 1))]
+    else:
+        last = one[1:] or one  # the first is at rest
+        chosen = (
+            [last[round(i * (len(last) - 1) / (PANELS - 1))] for i in range(PANELS)] if one else []
+        )
+    return [outputs[k] for k in sorted(set(chosen))]
+
+
+def centre_row(patch: Patch) -> npt.NDArray[np.int64]:
+    """Return the nodes of the longitudinal row next to the centre, from the rear to the front."""
+    half = 0.5 * np.sqrt(np.median(patch.areas))
+    x, y = patch.local.T
+    rows = [np.flatnonzero(np.abs(y - level) < half) for level in y]
+    # the row with most nodes of those within half a cell of the centre, then the nearest one
+    near = [k for k, row in enumerate(rows) if abs(y[row].mean()) <= 1.01 * half] or range(len(y))
+    best = max(near, key=lambda k: (len(rows[k]), -abs(y[rows[k]].mean())))
+    return np.asarray(rows[best][np.argsort(x[rows[best]])])
+
+
+def _panels(
+    record: Record, contact: Contact, draw: Callable[..., None], plane: bool = True
+) -> "Figure":
+    """Return panels: a row for each place, gauge corner below, a column for each moment."""
+    shown = moments(contact)
+    places = sorted({k for _, patches in shown for k in patches})
+    limits = {k: _limits([p[k] for _, p in shown if k in p]) for k in places}
+    heights = [_height(limits[k], len(shown)) if plane else 1.5 for k in places]
+    fig = theme.figure(theme.PAGE, sum(heights) + 0.55 * len(places) + 0.35)
+    panels = fig.subplots(
+        len(places), len(shown), sharex="row", sharey="row", squeeze=False, height_ratios=heights
+    )
+    scale, unit = theme.prefixed(contact.t, "s")
+    names = theme.PATCH_NAME if record.wheel_on_rail else OTHER_NAME
+    for row, place in zip(panels, places, strict=True):
+        for axes, (t, patches) in zip(row, shown, strict=True):
+            axes.set_title(f"{t * scale:.2f} {unit}", loc="center")
+            if place in patches:
+                draw(axes, patches[place], list(patches.values()))
+                axes.set_xlabel("longitudinal [mm]")
+                axes.tick_params(labelbottom=True)
+            else:
+                axes.text(0.5, 0.5, "no contact", transform=axes.transAxes, **_ABSENT)
+        row[0].set_ylabel(f"{names[place]}\n{'lateral [mm]' if plane else 'stress [MPa]'}")
+        (left, right), (low, high) = limits[place]
+        row[0].set_xlim(left, right)
+        if plane:
+            row[0].set_ylim(low, high)
+            for axes in row:
+                axes.set_aspect("equal", adjustable="box")
+                axes.grid(False)
+        else:
+            row[0].set_ylim(bottom=0)
+    return fig
+
+
+_ABSENT: dict[str, Any] = {"ha": "center", "va": "center", "color": theme.FAINT, "fontsize": 7}
+
+
+def _limits(patches: list[Patch]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return limits for all patches of a row [mm], with room for a note of two lines on top."""
+    local = np.vstack([p.local for p in patches]) * MM
+    edge = 0.8 * max(np.sqrt(p.areas.max()) for p in patches) * MM
+    (left, low), (right, high) = local.min(axis=0) - edge, local.max(axis=0) + edge
+    room = 0.2 * (right - left)
+    return (left, right), (low, high + room)
+
+
+def _height(limits: tuple[tuple[float, float], tuple[float, float]], columns: int) -> float:
+    """Return the height of a panel whose axes are equal [inch]."""
+    (left, right), (low, high) = limits
+    return (theme.PAGE - 0.7) / columns * 0.92 * (high - low) / (right - left)
+
+
+def _cells(axes: "Axes", patch: Patch, colours: list[str]) -> None:
+    """Draw each node as a rectangle of its tributary area, as long as rows are spaced."""
+    from matplotlib.collections import PolyCollection
+
+    x = patch.local[:, 0]
+    apart = np.abs(x[:, None] - x)
+    apart[apart < 0.5 * np.sqrt(patch.areas)] = np.inf  # same column, or the node itself
+    near = apart.min(axis=1)
+    length = np.median(near[np.isfinite(near)]) if np.isfinite(near).any() else 0.0
+    length = min(max(length, 0.5 * np.sqrt(patch.areas.max())), 2 * np.sqrt(patch.areas.min()))
+    size = np.column_stack([np.full(len(x), length), patch.areas / length])
+    corners = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    boxes = (patch.local[:, None] + size[:, None] * corners) * MM
+    axes.add_collection(
+        PolyCollection(list(boxes), facecolors=colours, edgecolors="white", linewidths=0.6)
+    )
+    axes.plot(0, 0, "+", color=theme.INK, ms=5, mew=0.7)
+
+
+def _note(axes: "Axes", text: str) -> None:
+    axes.text(0.03, 0.97, text, transform=axes.transAxes, ha="left", va="top", fontsize=6.5)
+
+
+def _legend(fig: "Figure", colours: dict[str, str], about: str) -> None:
+    from matplotlib.lines import Line2D
+
+    keys = [Line2D([], [], color=c, marker="s", ls="", label=name) for name, c in colours.items()]
+    keys.append(Line2D([], [], ls="", label=f"{about}; the wheel rolls to the right"))
+    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys), columnspacing=1.2)
