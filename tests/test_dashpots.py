@@ -46,14 +46,14 @@ def test_bound_of_slanted_dampers():
         assert np.linalg.eigvalsh(np.diag(d) - C)[0] >= -1e-9 * d.max()
 
 
-def bar(waves: str | None, nu: float) -> Model:
+def bar(waves: str | None, nu: float, safety: float = 0.9) -> Model:
     """A free bar of 5 mm with a pulse on its way to the far end, of σ = 30 mm in cells of 2.5 mm.
 
     Every section contracts with ν, at the strain of the pulse and its rate.
     """
     changes = {"mesh.length": LENGTH, "mesh.width": 5e-3, "mesh.size": 2.5e-3}
     changes |= {"bodies.bar.material.poisson_ratio": nu, "bodies.bar.velocity": None}
-    changes |= {"supports": [], "time.end": 1e-3}
+    changes |= {"supports": [], "time.end": 1e-3, "time.safety": safety}
     if waves:
         changes["absorbing"] = [{"surface": "xmax", "waves": waves}]
     model = build(Scene.load("bar-wave", **changes), MPI.COMM_SELF)
@@ -85,16 +85,27 @@ def reflected(model: Model) -> tuple[float, float, float]:
     return float(back[np.argmax(np.abs(back))]), taken, error
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_a_bar_absorbs_its_pulse(nu):
-    """Dashpots of √(E ρ) take 99.99 % of the energy; below 1 % of the amplitude comes back.
+@pytest.mark.parametrize(("nu", "most"), [(0.0, 0.01), (0.3, 0.02)])
+def test_a_bar_absorbs_its_pulse(nu, most):
+    """Dashpots of √(E ρ) take 99.98 % of the energy; 1 % of the amplitude comes back with ν = 0.
 
-    0.66 % with ν = 0 and 0.84 % with ν = 0.3; the ledger closes to round-off.
+    2 % with ν = 0.3, where the dashpots across hold the end's contraction. Measured 0.7 and 1.5 %;
+    the ledger closes to round-off.
     """
     back, taken, error = reflected(bar("bar", nu))
-    assert abs(back) < 0.01
-    assert 0.9999 < taken < 1
+    assert abs(back) < most
+    assert 0.9998 < taken < 1
     assert abs(error) < 1e-12
+
+
+def test_what_comes_back_falls_with_the_step():
+    """Dampers lag half a step, R ~ ω dt / 4: with ν = 0 it falls with slope 1 over 4 times."""
+    steps, sizes = [], []
+    for safety in (0.8, 0.4, 0.2):
+        model = bar("bar", 0.0, safety)
+        sizes.append(abs(reflected(model)[0]))
+        steps.append(model.dt)
+    assert np.polyfit(np.log(steps), np.log(sizes), 1)[0] == pytest.approx(1.0, abs=0.15)
 
 
 def test_plane_waves_impedance_sends_part_of_a_bar_wave_back():
