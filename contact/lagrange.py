@@ -44,7 +44,7 @@ class Lagrange:
         self._work, self._dv = np.zeros((nc, lib.WR_ROW)), np.zeros((n, 3))
         self._info = np.zeros(2)
         ahead = near.exchange.ahead
-        self._mass = fixed["mass"]
+        self._mass, self._xv = fixed["mass"], fixed["xv"]
         self._ahead = view("ahead", ahead, ahead.shape)
         h = history.c
         names = "gap stiffness offset pressing approach traction slip touching"
@@ -61,6 +61,8 @@ class Lagrange:
     def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
         """Find the gaps one step ahead; ``touching`` nodes pressed at the last step."""
         near, h = self._near, self._history
+        if near.search.smooth:
+            near.search.smooth.update(self._xv)
         h.total[4] = lib.wr_overlap(touching, h.c["touching"], *self._c_overlap)
         near.exchange.predict(force, self._mass, dt, kick)
         near.search.track(len(near.item), near.c_item, self._ahead, h.c)

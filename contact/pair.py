@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 
-STATIC = 100.0  # statics know no step, so springs that stand for a constraint can be this stiffer
+STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
 
 class ContactPair(Totals):

@@ -15,7 +15,9 @@ import pytest
 
 from contact import ContactPair, rigid_plane
 from contact.arrays import view
+from contact.normal_law import node_foundation
 from contact.surface import surface
+from contact.two_pass import TwoPass
 from meshes.domain import distribute
 from meshes.hexmesh import HexMesh, boundary, join
 from meshes.tags import Tag
@@ -57,13 +59,23 @@ def two_blocks():
     return join(lower, upper)
 
 
-def drive(comm):
+CASES = {
+    "penalty": {"damping": 0.05},
+    "smooth": {"damping": 0.05, "smooth": True},
+    "modulus": {"damping": 0.05, "method": "modulus-penalty", "penalty": 1e-3},
+    "lagrange": {"method": "lagrange"},
+    "smooth lagrange": {"method": "lagrange", "smooth": True},
+    "two passes": {"damping": 0.05, "two_pass": True},
+}
+
+
+def drive(comm, two_pass=False, **options):
     """Two blocks that slide and spin on each other; the history of forces, as HexMesh arrays."""
     domain = distribute(two_blocks() if comm.rank == 0 else None, comm)
-    mass = np.full(len(domain.nodes), 1e-3)
-    pair = ContactPair(
-        surface(domain, 114, mass), surface(domain, [111], mass), comm=comm, dt=1e-6,
-        friction=0.3, damping=0.05,
+    mass, bulk = np.full(len(domain.nodes), 1e-3), {int(Tag.BLOCK): 1.7e11}
+    pair = (TwoPass if two_pass else ContactPair)(
+        surface(domain, 114, mass, bulk=bulk), surface(domain, [111], mass, bulk=bulk), comm=comm,
+        dt=1e-6, friction=0.3, **options,
     )  # fmt: skip
     X = domain.source.points[domain.nodes]
     above = domain.nodes >= 7 * 6 * 3
@@ -72,10 +84,10 @@ def drive(comm):
     force = SimpleNamespace(array=np.zeros(X.size))
     total, rows = np.zeros((len(domain.source.points), 3)), []
     for k in range(STEPS):
-        t = k * pair.dt
+        t = k * 1e-6
         v[:] = 0.5 * np.sin(200 * X + 3e4 * t)
         v[above] += [20 * np.cos(1e4 * t), 8.0, -3.0 * np.sin(4e4 * t)]
-        u += pair.dt * v
+        u += 1e-6 * v
         state = SimpleNamespace(
             u=SimpleNamespace(x=SimpleNamespace(array=u.reshape(-1))),
             v=SimpleNamespace(x=SimpleNamespace(array=v.reshape(-1))), t=t,
@@ -105,13 +117,29 @@ def test_two_ranks_equal_one(tmp_path):
         check=True, timeout=60, cwd=here.parents[1],
         env=os.environ | {"PYTHONPATH": str(here.parents[1])},
     )  # fmt: skip
-    serial = drive(MPI.COMM_SELF)
-    ranks = [np.load(tmp_path / f"{r}.npz") for r in range(2)]
-    assert serial["rows"][:, -1].max() > 20 and np.abs(serial["rows"][:, 1]).max() > 0
-    for name, expected in serial.items():
-        assert (ranks[0][name] == ranks[1][name]).all()
-        scale = np.abs(expected).max()
-        assert np.abs(ranks[0][name] - expected).max() <= 1e-12 * scale, name
+    for case, options in CASES.items():
+        serial = drive(MPI.COMM_SELF, **options)
+        ranks = [np.load(tmp_path / f"{case}.{r}.npz") for r in range(2)]
+        assert serial["rows"][:, -1].max() > 20 and np.abs(serial["rows"][:, 1]).max() > 0
+        for name, expected in serial.items():
+            assert (ranks[0][name] == ranks[1][name]).all()
+            scale = np.abs(expected).max()
+            assert np.abs(ranks[0][name] - expected).max() <= 1e-12 * scale, (case, name)
+
+
+def test_foundation_modulus():
+    """Bulk modulus over the height of the cell, also where cells are sheared and graded."""
+    mesh = block((3, 2, 4), (0, 0, 0), (0.03, 0.02, 0.02), 111)
+    z = mesh.points[:, 2].copy()
+    mesh.points[:, 2] = 0.02 * (z / 0.02) ** 2  # top cells are 0.02 (1 - 0.75^2) high
+    mesh.points[:, 0] += 0.3 * z
+    domain = distribute(mesh, MPI.COMM_SELF)
+    mass = np.ones(len(domain.nodes))
+    top = surface(domain, 111, mass, bulk={int(Tag.BLOCK): 2.0})
+    assert top.foundation == pytest.approx(np.full(6, 2.0 / (0.02 * (1 - 0.75**2))), rel=1e-12)
+    assert node_foundation(top) == pytest.approx(np.full(12, top.foundation[0]), rel=1e-12)
+    with pytest.raises(ValueError, match="no bulk modulus for regions"):
+        surface(domain, 111, mass, bulk={int(Tag.BASE): 2.0})
 
 
 def test_surface_of_a_domain():
@@ -170,5 +198,6 @@ def test_import_is_light():
 
 
 if __name__ == "__main__":
-    world = MPI.COMM_WORLD
-    np.savez(Path(sys.argv[1]) / f"{world.rank}.npz", **drive(world))
+    for case, options in CASES.items():
+        found = drive(MPI.COMM_WORLD, **options)
+        np.savez(Path(sys.argv[1]) / f"{case}.{MPI.COMM_WORLD.rank}.npz", **found)
