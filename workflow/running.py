@@ -15,6 +15,7 @@ import numpy as np
 from forms.elements import Law
 from workflow import checkpoint, guards
 from workflow.clock import Clock
+from workflow.contact_step import tell_offsets
 from workflow.energy import Energy, Ledger
 from workflow.geometry import cell_size
 from workflow.model import Model, build
@@ -217,6 +218,7 @@ def steps(
     per_output = round(scene.time.output_interval / model.dt)
     last = round(scene.time.end / model.dt)
     loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
+    constraints = [clock.timed(model.phase_of(add), add) for add in model.last]
     progress.start(model, last)
     loop = central_difference(
         state,
@@ -228,12 +230,15 @@ def steps(
         model.connections.masses if model.connections is not None else None,
         model.dead.nodal,
         resumed=point is not None,
+        last=constraints,
     )
     began = time.perf_counter()
     busy = sum(clock.seconds.values())
     watched = guards.Watch(model)
     for _ in loop:
         guards.check_finite(model)
+        if state.step == 0:
+            tell_offsets(model, progress.log)
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:
