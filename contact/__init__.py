@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from contact.friction import LawState as LawState
     from contact.friction import coulomb as coulomb
     from contact.friction import exponential as exponential
+    from contact.friction import rational as rational
+    from contact.friction import tabulated as tabulated
     from contact.friction import with_memory as with_memory
     from contact.pair import ContactPair as ContactPair
     from contact.surface import Surface as Surface
@@ -26,7 +28,9 @@ _HOME = {
     "Surface": "surface",
     "coulomb": "friction",
     "exponential": "friction",
+    "rational": "friction",
     "rigid_plane": "surface",
+    "tabulated": "friction",
     "with_memory": "friction",
 }
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow import theme
+from workflow.figures_shear import FEWEST
 from workflow.recorded import STEEP, Contact, Record
 from workflow.theme import Array
 
@@ -46,7 +47,10 @@ def patch_forces(record: Record) -> "Figure | None":
 
 
 def patch_means(record: Record) -> "Figure | None":
-    """Mean shear stress of each patch, its angle θ and the creepages of the bodies over time."""
+    """Mean shear stress of each patch, its angle θ and the creepages of the bodies over time.
+
+    Patches of one or two nodes, about to be born or to end, are left out of the stresses.
+    """
     if not record.wheel_on_rail or not record.contacts:
         return None
     from matplotlib.ticker import MultipleLocator
@@ -55,11 +59,13 @@ def patch_means(record: Record) -> "Figure | None":
     fig = theme.figure(theme.PAGE, 4.6)
     panels = fig.subplots(2, 2, sharex=True).ravel()
     scale, unit = theme.prefixed(contact.t, "s")
+    several = [{k: p for k, p in o.items() if len(p.areas) >= FEWEST} for o in contact.patches]
+    ample = Contact(contact.t, several)
     quantities = ("lateral_shear", "longitudinal_shear", "shear_angle")
     titles = ("mean lateral shear", "mean longitudinal shear", "angle θ of the mean shear")
     labels = ("stress on the rail [MPa]", "stress on the rail [MPa]", "from −longitudinal [°]")
     for k, factor in enumerate((1e-6, 1e-6, 1.0)):
-        _by_patch(panels[k], contact, quantities[k], scale, factor)
+        _by_patch(panels[k], ample, quantities[k], scale, factor)
         theme.letter(panels[k], "abc"[k], titles[k])
         panels[k].set_ylabel(labels[k])
     panels[2].yaxis.set_major_locator(MultipleLocator(30))
