@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 # half axis along the rolling direction over the one across it
-RATIO = np.array([*np.arange(0.1, 1.0, 0.1), *(1 / np.arange(1.0, 0.05, -0.1))])
+RATIO = np.array([k / 10 for k in range(1, 10)] + [10 / k for k in range(10, 0, -1)])
 POISSON = np.array([0.0, 0.25, 0.5])
 
 # fmt: off

@@ -55,6 +55,34 @@ def test_tractions_carry_their_loads():
     assert carter[0] == pytest.approx(Q, rel=1e-5)
 
 
+def test_line_compression_sums_the_strain():
+    """Johnson's stresses on the axis, summed, and the limit far below (Johnson 5.56)."""
+    E, nu = 210e9, 0.3
+    h = cf.hertz_line(1e6, 0.1, cf.contact_modulus(E, nu, E, nu))
+
+    def strain(z):
+        root = np.hypot(h.a, z)
+        along = -h.p0 / h.a * ((h.a**2 + 2 * z**2) / root - 2 * z)
+        vertical = -h.p0 * h.a / root
+        return -((1 - nu**2) * vertical - nu * (1 + nu) * along) / E
+
+    for depth in (0.5 * h.a, 2 * h.a, 10 * h.a):
+        exact = quad(strain, 0, depth)[0]
+        assert cf.line_compression(h, depth, E, nu) == pytest.approx(exact, rel=1e-8)
+    far = 1e3 * h.a
+    slope = 1e6 * (1 - nu**2) / (np.pi * E)
+    johnson = slope * (2 * np.log(2 * far / h.a) - nu / (1 - nu))
+    assert cf.line_compression(h, far, E, nu) == pytest.approx(johnson, rel=1e-4)
+
+
+def test_impact_approach_takes_up_the_kinetic_energy():
+    """The work of Hertz's force up to the largest approach is m v² / 2."""
+    m, R, modulus, v = 0.03, 0.02, 1.15e11, 0.5
+    depth = cf.sphere_impact_approach(m, R, modulus, v)
+    work = 8 / 15 * modulus * np.sqrt(R) * depth**2.5
+    assert work == pytest.approx(m * v**2 / 2)
+
+
 def test_limits():
     assert cf.stick_radius_ratio(0.0, 1.0, 0.3) == 1.0
     assert cf.stick_radius_ratio(0.3, 1.0, 0.3) == 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verification of contact in whole runs: rows 8, 9, 11, 12, 13, 23 and 24 (small scenes)."""
+"""Verification of contact in whole runs: rows 8, 9, 10, 11, 12, 23 and 24 (small scenes)."""
 
 import subprocess
 import sys
@@ -9,11 +9,10 @@ from mpi4py import MPI
 import h5py
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from contact import ContactPair
-from contact.closed_forms import bar_impact, contact_modulus, hertz_sphere, sliding_stop
+from contact.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
 from workflow.model import Model, build
 from workflow.running import start
@@ -105,29 +104,6 @@ def test_row_8_delay_of_the_penalty_spring(tmp_path, penalty):
 # row 9
 
 
-def two_bars(size: float, base_size: float) -> Scene:
-    """A bar falls at 1 m/s on a free one of the same size, cut into other cells."""
-    steel = {"youngs_modulus": E, "poisson_ratio": 0.0, "density": RHO}
-    half = [WIDTH, WIDTH, LENGTH / 2]
-    blocks = {"kind": "block-on-base", "block": half, "base": half}
-    return Scene.check(
-        {
-            "name": "two-bars",
-            "title": "Two equal bars",
-            "mesh": blocks | {"size": size, "base_size": base_size},
-            "bodies": {
-                "block": {"regions": ["block"], "material": steel, "velocity": [0, 0, -SPEED]},
-                "base": {"regions": ["base"], "material": steel},
-            },
-            "contacts": {
-                "face": {"contactor": "block_bottom", "target": "base_top", "penalty": 0.3}
-            },
-            "time": {"end": 30e-6, "output_interval": 1e-6, "safety": 0.5},
-            "output": {"fields": False},
-        }
-    )
-
-
 @pytest.mark.parametrize("base_size", [0.00125, 0.001, 0.0017])
 def test_row_9_two_bars_collide(tmp_path, base_size):
     """Stress ρ c v/2 to 1 %, velocities exchanged to 1 %, momentum to 1e-12, penetration F/k.
@@ -140,8 +116,9 @@ def test_row_9_two_bars_collide(tmp_path, base_size):
         bodies = motion(m, "block", 2)[1], motion(m, "base", 2)[1]
         return m.state.t, m.dt, pair.normal_force, pair.max_penetration, *bodies
 
-    size = 0.00125
-    history, columns = watched(two_bars(size, base_size), tmp_path, probe)
+    scene = Scene.load("two-bars", **{"mesh.base_size": base_size, "output.fields": False})
+    size = scene.mesh.size
+    history, columns = watched(scene, tmp_path, probe)
     t, dt, force, depth, block, base = columns
     stress, T = RHO * C * SPEED / 2, LENGTH / C
     middle = (t > 0.3 * T) & (t < 0.7 * T)
@@ -154,6 +131,36 @@ def test_row_9_two_bars_collide(tmp_path, base_size):
     if base_size == size:
         stiffness = 0.3 / dt[0] ** 2 * RHO * size / 4  # per area
         assert depth[middle].mean() == pytest.approx(stress / stiffness, rel=0.01)
+
+
+# row 10
+
+
+def patch_test(**changes) -> dict:
+    """The scene contact-patch at rest: load, rms and largest error of the nodal pressures."""
+    model = build(Scene.load("contact-patch", **changes), MPI.COMM_SELF)
+    start(model, lambda line: None)
+    footprint = model.pairs["face"].footprint()
+    off, share = footprint.pressure / 100e6 - 1, footprint.area / footprint.area.sum()
+    return {
+        "load": footprint.normal_force.sum() / (100e6 * 0.02**2) - 1,
+        "rms": float(np.sqrt(share @ off**2)),
+        "most": np.abs(off).max(),
+    }
+
+
+def test_row_10_contact_patch_in_one_pass():
+    """Contactor finer than target: 3 % rms, 11 % at one node; load 1e-6. No error of the spring.
+
+    Nodes on facets cannot carry a uniform pressure across meshes that do not match; coarser
+    contactors do worse.
+    """
+    found, stiff = patch_test(), patch_test(**{"time.safety": 0.03})
+    assert found["load"] == pytest.approx(0, abs=1e-6)
+    assert found["rms"] < 0.03 and found["most"] < 0.11
+    assert stiff["rms"] == pytest.approx(found["rms"], rel=0.05)
+    swapped = patch_test(**{"mesh.size": 0.0031, "mesh.base_size": 0.0025})
+    assert found["rms"] < swapped["rms"] < 0.04
 
 
 # rows 11, 12
@@ -292,97 +299,13 @@ def test_row_12_pulled_block_slips_above_the_limit():
     assert -h["T"][late].mean() / h["N"][late].mean() == pytest.approx(FRICTION, rel=0.005)
 
 
-# row 13
-
-LOAD, RADIUS = 7.69e6 * 0.04**2, 0.1
-HERTZ = hertz_sphere(LOAD, RADIUS, contact_modulus(E, NU, E, NU))
-
-
-def sinking(depth: float) -> float:
-    """Displacement on the axis of a half-space under Hertz's pressure, ``depth`` below [m].
-
-    Boussinesq's point force (Johnson 3.19), summed over the circle.
-    """
-
-    def ring(r):
-        R = np.hypot(r, depth)
-        return HERTZ.pressure(r) * r * (depth**2 / R**3 + 2 * (1 - NU) / R)
-
-    return float((1 + NU) / E * quad(ring, 0, HERTZ.a)[0])
-
-
-def pressed(**changes) -> dict:
-    """The scene hertz at rest: errors of load, pressure, radius (in cells) and approach."""
-    scene = Scene.load("hertz", **changes)
-    model = build(scene, MPI.COMM_SELF)
-    start(model, lambda line: None)
-    footprint = model.pairs["touch"].footprint()
-    r = np.hypot(*footprint.position[:, :2].T)
-    x, depth = model.domain.V.tabulate_dof_coordinates(), 2 * HERTZ.a
-    nearer = 0.0  # points 2 a above and below the contact, each moved towards it by
-    for side, body in ((1, "sphere"), (-1, "flat")):
-        dofs = model.body_dofs(body)
-        axis = dofs[np.hypot(x[dofs, 0], x[dofs, 1]) < 1e-9]
-        axis = axis[np.argsort(x[axis, 2])]
-        u = model.state.u.x.array.reshape(-1, 3)[axis, 2]
-        nearer -= side * np.interp(side * depth, x[axis, 2], u)
-    inner = r < 0.7 * HERTZ.a
-    off = footprint.pressure - HERTZ.pressure(r)
-    return {
-        "load": 4 * footprint.normal_force.sum() / LOAD - 1,
-        "p0": footprint.pressure[np.argmin(r)] / HERTZ.p0 - 1,
-        "pressure": np.sqrt((off[inner] ** 2).mean()) / HERTZ.p0,
-        "radius": (r.max() - HERTZ.a) / scene.mesh.size,
-        "approach": (nearer + 2 * sinking(depth)) / HERTZ.approach - 1,
-        "penetration": model.pairs["touch"].max_penetration / HERTZ.approach,
-    }
-
-
-def test_row_13_sinking_of_the_surface_is_half_the_approach():
-    """The half-space sum used below against Hertz at the surface."""
-    assert 2 * sinking(1e-9) == pytest.approx(HERTZ.approach, rel=1e-5)
-
-
-def test_row_13_hertz():
-    """p₀ 3 %, a half a cell (farthest node that touches), approach 1 %; load 1e-4."""
-    found = pressed()
-    assert found["load"] == pytest.approx(0, abs=1e-4)
-    assert found["p0"] == pytest.approx(0, abs=0.03)
-    assert found["radius"] == pytest.approx(0, abs=0.5)
-    assert found["approach"] == pytest.approx(0, abs=0.01)
-
-
-def test_row_13_hertz_error_falls_with_size_and_with_the_penalty_spring():
-    """Pressure inside 0.7 a and approach: 1 mm, 0.5 mm, 0.25 mm; what is left is penetration.
-
-    With a spring 6 times stiffer p₀ and approach are within 0.3 % at 0.25 mm.
-    """
-    found = [pressed(**{"mesh.size": size}) for size in (1e-3, 5e-4, 2.5e-4)]
-    approach = np.abs([f["approach"] for f in found])
-    assert (approach[1:] < 0.6 * approach[:-1]).all()
-    assert found[2]["pressure"] < 0.5 * found[0]["pressure"]
-    stiff = pressed(**{"time.safety": 0.1})
-    assert stiff["penetration"] < found[2]["penetration"] / 5
-    assert abs(stiff["approach"]) < 0.003 and abs(stiff["p0"]) < 0.003
-
-
-def test_row_13_stays_at_rest_when_stepped(tmp_path):
-    """From the static solve on: contact force within 1e-3 of the load, no sliding, no motion.
-
-    Kinetic energy below 1e-4 of the strain energy.
-    """
-    scene = Scene.load("hertz", **{"output.fields": False, "mesh.size": 5e-4})
-    history = run(scene, tmp_path, quiet=True).history
-    np.testing.assert_allclose(4 * history["touch_normal_force"], LOAD, rtol=1e-3)
-    assert history["kinetic"].max() < 1e-4 * history["internal"].max()
-    assert history["friction_dissipation"].max() < 1e-4 * history["internal"].max()
-
-
 # rows 23, 24
 
+LOAD = 7.69e6 * 0.04**2  # of hertz [N]
 SMALL = {  # scene: changes, and a force and a length to measure round-off by
     "bar-wave": ({}, 0.0, 0.0),
     "bar-impact": ({}, RHO * C * SPEED * WIDTH**2, 1e-6),
+    "two-bars": ({}, RHO * C * SPEED * WIDTH**2, 1e-6),
     "sliding-block": ({"equilibrium.tolerance": 1e-10}, NORMAL, 1e-7),
     "hertz": ({"equilibrium.tolerance": 1e-10, "mesh.size": 5e-4}, LOAD / 4, 1e-7),
 }

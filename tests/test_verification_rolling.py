@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Verification of rolling: rows 15 (Carter, plane strain) and 16 (Kalker, small creepage)."""
+
+import numpy as np
+import pytest
+
+from contact import kalker
+from contact.closed_forms import (
+    carter_creepage,
+    carter_stick_ratio,
+    carter_traction,
+    contact_modulus,
+    hertz_ellipse,
+    hertz_line,
+)
+from workflow import Scene, run
+from workflow.model import Model
+
+E, NU, RADIUS, CROWN = 210e9, 0.3, 0.46, 0.3
+MODULUS, G = contact_modulus(E, NU, E, NU), E / (2 * (1 + NU))
+
+
+def rolled(scene: Scene, folder) -> tuple[Model, np.ndarray, dict]:
+    """The model at the end, mean force on the roller over the last fifth of the way, history.
+
+    The force ``(3,)`` is that of every step: normal, along, across [N].
+    """
+    rows: list[tuple] = []
+    kept: list[Model] = []
+
+    def watch(model: Model) -> None:
+        pair = model.pairs["touch"]
+        kept[:] = [model]
+        rows.append((pair.normal_force, *pair.tangential_force[:2]))
+
+    history = run(scene, folder, watch=watch, quiet=True).history
+    forces = np.array(rows)
+    steady, before = (forces[-k * len(rows) // 5 :][: len(rows) // 5] for k in (1, 2))
+    history["drift"] = np.abs(steady.mean(axis=0) / before.mean(axis=0) - 1)
+    return kept[0], steady.mean(axis=0), history
+
+
+# row 15
+
+
+def carter(folder, creepage: float, **changes) -> dict:
+    """The scene carter at a creepage: errors of Q for it, of the stick zone, of the traction."""
+    speed = 80.0
+    spin = [0.0, speed * (1 + creepage) / RADIUS, 0.0]
+    keys = {"driven.roller.spin": spin, "output.fields": False}
+    scene = Scene.load("carter", **keys, **changes)
+    model, force, history = rolled(scene, folder)
+    P, Q = force[:2] / scene.mesh.y[1]
+    hertz, friction = hertz_line(P, RADIUS, MODULUS), scene.contacts["touch"].friction
+    exact = carter_creepage(Q, P, friction, hertz.a, RADIUS)
+    footprint = model.pairs["touch"].footprint(stick_tolerance=0.02)
+    x, stick = footprint.position[:, 0], footprint.stick
+    size, ratio = scene.mesh.size, carter_stick_ratio(Q, P, friction)
+    q = footprint.tangential_force[:, 0] / footprint.area
+    traction = np.sign(Q) * carter_traction(x, hertz, ratio, friction)
+    width = np.ptp(np.unique(x[stick].round(7))) + size if stick.any() else 0.0
+    return {
+        "share": abs(Q) / (friction * P),
+        "creepage": -creepage / exact - 1,
+        "stick": (width - 2 * ratio * hertz.a) / size,
+        "leading": (x[stick].max() - hertz.a) / size,
+        "q": float(np.sqrt(((q - traction) ** 2).mean())) / np.abs(traction).max(),
+        "drift": history["drift"][1],
+        "balance": np.abs(history["balance_error"]).max(),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("creepage", "share"), [(5e-4, 0.5), (7.6e-4, 0.69), (1.19e-3, 0.91)])
+def test_row_15_carter(tmp_path, creepage, share):
+    """0.3 mm: creepage for the traction 3 %, stick zone one cell, at the leading edge; ledger.
+
+    One cell is the finest that a stick zone is told by: a node sticks or slips.
+    """
+    found = carter(tmp_path, creepage)
+    assert found["share"] == pytest.approx(share, abs=0.03)
+    assert found["drift"] < 0.03
+    assert found["creepage"] == pytest.approx(0, abs=0.03)
+    assert abs(found["stick"]) <= 1
+    assert -2 <= found["leading"] <= 0.5
+    assert found["q"] < 0.1
+    assert found["balance"] < 1e-3
+
+
+# row 16
+
+
+def kalkers(folder, **changes) -> dict:
+    """The scene kalker-creepage: force over Kalker's, which includes the little that slips."""
+    scene = Scene.load("kalker-creepage", **{"output.fields": False}, **changes)
+    _, force, history = rolled(scene, folder)
+    sides = 2 if scene.mesh.y[0] == 0 else 1
+    P, Qx, Qy = sides * force
+    V = -np.array(scene.driven["rail"].velocity)
+    rim = scene.driven["wheel"].spin[1] * RADIUS
+    xi, eta = (V[0] - rim) / V[0], V[1] / V[0]
+    hertz = hertz_ellipse(P, RADIUS, CROWN, MODULUS)
+    linear = kalker.creep_force((xi, eta, 0.0), (hertz.a, hertz.b), G, NU)
+    size = np.linalg.norm(linear)
+    friction = scene.contacts["touch"].friction
+    exact = kalker.saturated(size, friction * P) * linear / size
+    axis = int(np.argmax(np.abs(linear)))
+    return {
+        "force": (Qx, Qy)[axis] / exact[axis] - 1,
+        "linear": (Qx, Qy)[axis] / linear[axis] - 1,
+        "across": (Qy, Qx)[axis] / size,
+        "drift": history["drift"][1 + axis],
+        "balance": np.abs(history["balance_error"]).max(),
+    }
+
+
+@pytest.mark.slow
+def test_row_16_longitudinal_creepage(tmp_path):
+    """0.5 mm (a/6): c₁₁ 5 %, steady to 3 %; ledger 1e-3."""
+    found = kalkers(tmp_path)
+    assert found["force"] == pytest.approx(0, abs=0.05)
+    assert found["drift"] < 0.03
+    assert found["balance"] < 1e-3
+
+
+LATERAL = {
+    "driven.wheel.spin": [0.0, 40.0 / RADIUS, 0.0],
+    "driven.wheel.shift": [0.0, 1.7e-6, 0.0],
+    "driven.rail.velocity": [-40.0, -0.024, 0.0],
+    "supports": [],
+    "mesh.y": [-0.02, 0.02],
+    "mesh.fine_y": [-0.003, 0.003],
+}
+
+
+@pytest.mark.slow
+def test_row_16_lateral_creepage(tmp_path):
+    """The same, 6e-4 across, on the whole contact: c₂₂ 5 %, steady to 3 %; ledger 1e-3."""
+    found = kalkers(tmp_path, **LATERAL)
+    assert found["force"] == pytest.approx(0, abs=0.05)
+    assert found["drift"] < 0.03
+    assert found["balance"] < 1e-3
