@@ -6,13 +6,16 @@ come out alike. The drawing is that of :mod:`meshes.wheelset`, and so are the ax
 from the tape circle, which is centred at the origin.
 """
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from meshes.disc import filleted, hub_blocks, web_block, web_ends
 from meshes.hexmesh import HexMesh, boundary
 from meshes.placement import RADIUS
 from meshes.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.section import Section, assembled, coons, spaced, straight
+from meshes.section import Section, assembled, coons, spaced
 from meshes.stations import flange_of
 from meshes.sweep import D, X, Y, Z, revolve
 from meshes.tags import Tag
@@ -77,32 +80,23 @@ def turned_section(wheel: dict[str, Array], profile: Profile, size: float) -> Se
         profile: Running surface, its second coordinate the radius.
         size: Length of edges [m].
     """
-    web = web_block(wheel, size)
+    web = web_block(wheel, *web_cells(wheel, size))
+    hub = hub_blocks(wheel, web, _count(wheel["hub_or"] - wheel["bore"], size), size)
     rim, stations = _rim(profile, web, float(wheel["rim_ir"]), size)
     row = float(np.linalg.norm(rim[-1] - rim[-2], axis=1).mean())
-    return assembled([rim, web, *_hub(wheel, web, size)], profile, stations, row)
+    return assembled([rim, web, *hub], profile, stations, row)
 
 
-def web_block(wheel: dict[str, Array], size: float) -> Array:
-    """Return the block of the web, from the middle of the hub fillets to that of the rim's [m].
+def web_cells(wheel: dict[str, Array], size: float) -> tuple[int, int]:
+    """Return the cells of the web along the radius and across.
 
     Args:
         wheel: Measures of the design [m].
         size: Length of edges [m].
     """
-    reach = 1 - np.sqrt(0.5)
-    low, high = wheel["hub_or"], wheel["rim_ir"]
-    ends = low + reach * wheel["fil_hub"], high - reach * wheel["fil_rim"]
-    rows = _count(ends[1] - ends[0], size)
-    columns = max(2, round(float(wheel["t_hub"] + wheel["t_rim"]) / 2 / size))
-    r = np.linspace(*ends, rows + 1)
-    share = (r - low) / (high - low)
-    centre = wheel["xw_hub"] + (wheel["xw_rim"] - wheel["xw_hub"]) * share
-    centre = centre + wheel.get("bow", np.array(0.0)) * np.sin(np.pi * share)
-    half = (wheel["t_hub"] + (wheel["t_rim"] - wheel["t_hub"]) * share) / 2
-    half = half + _widening(r - low, wheel["fil_hub"]) + _widening(high - r, wheel["fil_rim"])
-    y = centre[:, None] + half[:, None] * np.linspace(-1, 1, columns + 1)
-    return np.stack([y, np.repeat(r[:, None], columns + 1, axis=1)], axis=2)
+    low, high = web_ends(wheel)
+    thick = float(wheel["t_hub"] + wheel["t_rim"]) / 2
+    return _count(high - low, size), max(2, round(thick / size))
 
 
 def _rim(profile: Profile, web: Array, inside: float, size: float) -> tuple[Array, Array]:
@@ -114,7 +108,7 @@ def _rim(profile: Profile, web: Array, inside: float, size: float) -> tuple[Arra
     right = np.array([[end[0], inside], end])
     ends, across = (web[-1, 0], web[-1, -1]), web.shape[1] - 1
     sides = [_count(abs(c[0] - e[0]), size) for c, e in zip((left[0], right[0]), ends, strict=True)]
-    under = [_filleted(c, e, n) for c, e, n in zip((left[0], right[0]), ends, sides, strict=True)]
+    under = [filleted(c, e, n) for c, e, n in zip((left[0], right[0]), ends, sides, strict=True)]
     bottom = np.vstack([under[0], web[-1, 1:-1], under[1][::-1]])
     stations = np.linspace(tip, profile.length, across + sum(sides) + 1)
     rows = _count(0.5 * (_length(left) + _length(right)), size)
@@ -122,45 +116,7 @@ def _rim(profile: Profile, web: Array, inside: float, size: float) -> tuple[Arra
     return coons(bottom, edges[1], profile.at(stations), edges[0]), stations
 
 
-def _hub(wheel: dict[str, Array], web: Array, size: float) -> list[Array]:
-    """Return the blocks of the hub: below the web, towards the track centre, to the field side."""
-    bore, top = float(wheel["bore"]), float(wheel["hub_or"])
-    rows, across = _count(top - bore, size), web.shape[1] - 1
-    ends = web[0, 0], web[0, -1]
-    feet = [np.array([0.9 * end[0] + 0.1 * web[0, :, 0].mean(), bore]) for end in ends]
-    inner = [straight(foot, end, rows) for foot, end in zip(feet, ends, strict=True)]
-    blocks = [coons(straight(feet[0], feet[1], across), inner[1], web[0], inner[0])]
-    for side in range(2):
-        edge = wheel["hub_x"][side]
-        columns = _count(abs(edge - feet[side][0]), size)
-        face = straight([edge, bore], [edge, top], rows)
-        over = _filleted(face[-1], ends[side], columns)
-        below = straight(face[0], feet[side], columns)
-        if side == 0:
-            blocks.append(coons(below, inner[0], over, face))
-        else:
-            blocks.append(coons(below[::-1], face, over[::-1], inner[1]))
-    return blocks
-
-
-def _widening(distance: Array, fillet: Array) -> Array:
-    """Return how far a fillet stands off the web at some distance from the flat it runs into."""
-    inside = np.clip(fillet - distance, 0, None)
-    return np.asarray(fillet - np.sqrt(fillet**2 - inside**2))
-
-
-def _filleted(corner: Array, web: Array, cells: int) -> Array:
-    """Return points from the corner of rim or hub along its flat and half a fillet to the web."""
-    offset = abs(web[1] - corner[1])
-    fillet = offset / (1 - np.sqrt(0.5))
-    side = np.sign(web - corner)
-    angle = np.linspace(0, np.pi / 4, 20)[:, None]
-    turn = np.hstack([np.sin(angle), 1 - np.cos(angle)]) * fillet * side
-    start = web - turn[-1]
-    return spaced(np.vstack([corner, start + turn]), np.linspace(0, 1, cells + 1))
-
-
-def _count(length: float, size: float) -> int:
+def _count(length: Any, size: float) -> int:
     return max(2, round(float(length) / size))
 
 

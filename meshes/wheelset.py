@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.axle import Axle, with_axle
+from meshes.disc import filleted, hub_blocks, web_block
 from meshes.hexmesh import HexMesh, boundary
 from meshes.placement import RADIUS, TAPE
 from meshes.profiles import MM, Profile, drawing, s1002, shifted
 from meshes.relax import relaxed
-from meshes.section import Section, assembled, coons, spaced, straight
+from meshes.section import Section, assembled, coons, spaced
 from meshes.stations import fine_tread, flange_of, stations
 from meshes.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.tags import Tag
@@ -24,6 +25,7 @@ UPRIGHT = 10.0  # weight of columns at right angles to the running surface
 WEB_COLUMNS = 4
 WEB_ROWS = 8
 HUB_ROWS = 3
+HUB_COLUMN = 0.020  # length of cells along the axle
 RIM_ROWS = 5
 WEB_SPLIT = 0.160  # radius outside of which there are three times as many sectors
 COARSEST = 0.014  # of columns and rows in the unrefined rim
@@ -123,11 +125,11 @@ def wheel_section(
     start = 0.0 if flange is None else flange[0]
     fine = fine_tread(profile, touch)
     columns = stations(profile, start, profile.length, fine, size, levels)
-    web = _web(wheel)
+    web = web_block(wheel, WEB_ROWS, WEB_COLUMNS)
     _check_rim(profile, web, float(wheel["rim_ir"]))
     row = min(COARSEST, size * 3**levels)
     rim = _rim(profile, columns.s, web, float(wheel["rim_ir"]), row)
-    blocks = [rim, web, *_hub(wheel, web)]
+    blocks = [rim, web, *hub_blocks(wheel, web, HUB_ROWS, HUB_COLUMN)]
     section = assembled(blocks, profile, columns.s, row, upright=UPRIGHT)
     return section, columns.first, columns.last
 
@@ -155,8 +157,8 @@ def _rim(profile: Profile, columns: Array, web: Array, inside: float, row: float
     left = np.vstack([[back[0, 0], inside], back])
     right = np.array([[end[0], inside], end])
     under = [web[-1, 0], web[-1, -1]]
-    left_under = _filleted(left[0], under[0], under_rim // 2)
-    right_under = _filleted(right[0], under[1], under_rim - under_rim // 2)[::-1]
+    left_under = filleted(left[0], under[0], under_rim // 2)
+    right_under = filleted(right[0], under[1], under_rim - under_rim // 2)[::-1]
     bottom = np.vstack([left_under, web[-1, 1:-1], right_under])
     sides = [spaced(edge, 1 - _rows(edge, k * row)) for edge, k in ((left, 1.5), (right, 1.0))]
     return coons(bottom, sides[1], profile.at(columns), sides[0])
@@ -167,58 +169,6 @@ def _rows(edge: Array, first: float) -> Array:
     length = np.hypot(*np.diff(edge, axis=0).T).sum()
     depth = np.concatenate([[0.0], np.linspace(first, length, RIM_ROWS)])
     return np.asarray(depth[::-1] / length)
-
-
-def _web(wheel: dict[str, Array]) -> Array:
-    """Return the block of the web, from the middle of the hub fillets to that of the rim's."""
-    reach = 1 - np.sqrt(0.5)
-    low, high = wheel["hub_or"], wheel["rim_ir"]
-    r = np.linspace(low + reach * wheel["fil_hub"], high - reach * wheel["fil_rim"], WEB_ROWS + 1)
-    share = (r - low) / (high - low)
-    centre = wheel["xw_hub"] + (wheel["xw_rim"] - wheel["xw_hub"]) * share
-    centre = centre + wheel.get("bow", np.array(0.0)) * np.sin(np.pi * share)
-    half = (wheel["t_hub"] + (wheel["t_rim"] - wheel["t_hub"]) * share) / 2
-    half = half + _widening(r - low, wheel["fil_hub"]) + _widening(high - r, wheel["fil_rim"])
-    across = np.linspace(-1, 1, WEB_COLUMNS + 1)
-    y = centre[:, None] + half[:, None] * across
-    return np.stack([y, np.repeat(r[:, None], WEB_COLUMNS + 1, axis=1)], axis=2)
-
-
-def _widening(distance: Array, fillet: Array) -> Array:
-    """Return how far a fillet stands off the web at some distance from the flat it runs into."""
-    inside = np.clip(fillet - distance, 0, None)
-    return np.asarray(fillet - np.sqrt(fillet**2 - inside**2))
-
-
-def _filleted(corner: Array, web: Array, cells: int) -> Array:
-    """Return points from the corner of rim or hub along its flat and half a fillet to the web."""
-    offset = abs(web[1] - corner[1])
-    fillet = offset / (1 - np.sqrt(0.5))
-    side = np.sign(web - corner)
-    angle = np.linspace(0, np.pi / 4, 20)[:, None]
-    turn = np.hstack([np.sin(angle), 1 - np.cos(angle)]) * fillet * side
-    start = web - turn[-1]
-    return spaced(np.vstack([corner, start + turn]), np.linspace(0, 1, cells + 1))
-
-
-def _hub(wheel: dict[str, Array], web: Array) -> list[Array]:
-    """Return the blocks of the hub: below the web, towards the track centre, to the field side."""
-    bore, top = float(wheel["bore"]), float(wheel["hub_or"])
-    faces = wheel["hub_x"]
-    ends = web[0, 0], web[0, -1]
-    feet = [np.array([0.9 * end[0] + 0.1 * web[0, :, 0].mean(), bore]) for end in ends]
-    inner = [straight(foot, end, HUB_ROWS) for foot, end in zip(feet, ends, strict=True)]
-    blocks = [coons(straight(feet[0], feet[1], WEB_COLUMNS), inner[1], web[0], inner[0])]
-    for side in range(2):
-        columns = max(2, round(abs(faces[side] - feet[side][0]) / 0.020))
-        face = straight([faces[side], bore], [faces[side], top], HUB_ROWS)
-        over = _filleted(face[-1], ends[side], columns)
-        below = straight(face[0], feet[side], columns)
-        if side == 0:
-            blocks.append(coons(below, inner[0], over, face))
-        else:
-            blocks.append(coons(below[::-1], face, over[::-1], inner[1]))
-    return blocks
 
 
 def _space(params: Array) -> Array:
