@@ -79,6 +79,8 @@ def changing(path: Path) -> Iterator[h5py.File]:
         try:
             with h5py.File(pending, "r+") as file:
                 yield file
+            if pending.error is not None:
+                raise pending.error
             if sync:
                 os.fsync(raw.fileno())  # new data first: the journal makes it part of the file
             _keep(path, pending, sync)
@@ -87,7 +89,7 @@ def changing(path: Path) -> Iterator[h5py.File]:
                 journal_of(path).unlink(missing_ok=True)
                 raw.truncate(pending.size)
             raise
-    finish(path, sync)
+    _apply(path, pending.writes, pending.end, sync)
     if sync:
         _synced[path] = now
 
@@ -99,12 +101,14 @@ class Pending:
         size: Length of the file before [bytes].
         writes: Offset and bytes of what is to replace old bytes, in order.
         end: Length of the file after [bytes].
+        error: Why new data could not be written; HDF5 takes no exception from here.
     """
 
     def __init__(self, raw: BinaryIO) -> None:
         self._raw = raw
         self.size = self.end = raw.seek(0, os.SEEK_END)
         self.writes: list[tuple[int, bytes]] = []
+        self.error: OSError | None = None
         self._at = 0
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
@@ -140,8 +144,11 @@ class Pending:
         if old:
             self.writes.append((start, bytes(view[:old])))
         done = old
-        while done < len(view):
-            done += os.pwrite(self._raw.fileno(), view[done:], start + done)
+        while done < len(view) and self.error is None:
+            try:
+                done += os.pwrite(self._raw.fileno(), view[done:], start + done)
+            except OSError as error:
+                self.error = error
         self._at = start + len(view)
         self.end = max(self.end, self._at)
         return len(view)
@@ -177,8 +184,8 @@ def _keep(path: Path, pending: Pending, sync: bool) -> None:
     os.replace(new, journal_of(path))
 
 
-def finish(path: Path, sync: bool = True) -> None:
-    """Apply the journal of a file, if there is one, and remove it."""
+def finish(path: Path) -> None:
+    """Apply the journal that a killed process left of a file, if there is one, and remove it."""
     journal = journal_of(path)
     try:
         content = journal.read_bytes()
@@ -187,12 +194,21 @@ def finish(path: Path, sync: bool = True) -> None:
     line, _, body = content.partition(b"\n")
     head = json.loads(line)
     if zlib.crc32(body) == head["crc"]:  # else of a disk that lost power: it was never applied
-        with path.open("r+b") as raw:
-            at = 0
-            for offset, length in head["writes"]:
-                os.pwrite(raw.fileno(), body[at : at + length], offset)
-                at += length
-            raw.truncate(head["end"])
-            if sync:
-                os.fsync(raw.fileno())
-    journal.unlink()
+        writes, at = [], 0
+        for offset, length in head["writes"]:
+            writes.append((offset, body[at : at + length]))
+            at += length
+        _apply(path, writes, head["end"], sync=True)
+    else:
+        journal.unlink()
+
+
+def _apply(path: Path, writes: list[tuple[int, bytes]], end: int, sync: bool) -> None:
+    """Make the changes of a journal and remove it; done twice they come to the same."""
+    with path.open("r+b") as raw:
+        for offset, data in writes:
+            os.pwrite(raw.fileno(), data, offset)
+        raw.truncate(end)
+        if sync:
+            os.fsync(raw.fileno())
+    journal_of(path).unlink()

@@ -81,8 +81,9 @@ class Watch:
         if share[worst] > limit:
             node = int(c[worst])
             raise GuardError(
-                f"contact {name}: penetration {-h.gap[node]:.3e} m, {share[worst]:.0%} of the cell, "
-                f"is over guards.penetration = {limit:.0%} at {self._when()}, {where(pair, node)}; "
+                f"contact {name}: penetration {-h.gap[node]:.3e} m, {share[worst]:.0%} of the "
+                f"cell, is over guards.penetration = {limit:.0%} at {self._when()}, "
+                f"{where(pair, node)}; "
                 "likely a load or an approach too fast for the contact springs: a larger "
                 f"contacts.{name}.penalty, a smaller time.safety (it stiffens them) or a slower "
                 "start is the usual remedy"
@@ -93,13 +94,13 @@ class Watch:
             c = pair.history.touching[: pair.active]
             top = int(c[np.argmax(pair.history.pressing[c])])
             self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(pair, top)}"
-            return
-        raise GuardError(
-            f"contact {name}: lost at {self._when()}, {self.seen.get(name, 'it never was')}, where "
-            f"contacts.{name}.keep asks it to stay; likely the load is too small for the motion, "
-            "or bodies start apart or with a jerk: check loads, [equilibrium] and the initial "
-            "velocities, or leave keep out if it may bounce"
-        )
+        elif name in self.seen:
+            raise GuardError(
+                f"contact {name}: lost at {self._when()}, {self.seen[name]}, where "
+                f"contacts.{name}.keep asks it to stay; likely the load is too small for the "
+                "motion, or the start has a jerk: check loads, [equilibrium] and initial "
+                "velocities, or leave keep out if it may bounce"
+            )
 
     def _when(self) -> str:
         return f"step {self.model.state.step}, t = {self.model.state.t:.6e} s"
