@@ -55,6 +55,7 @@ class Exchange:
         self._past = view("past", self.past, (n, 3))
         self._xv = view("xv", self.xv, (n, 6), out=True)
         self._ahead = view("ahead", self.ahead, (n, 6), out=True)
+        self._split: tuple[Any, ...] | None = None
         self._all = self._plan(np.arange(n, dtype=np.int32))
         self._near = self._plan(np.empty(0, dtype=np.int32))
 
@@ -82,6 +83,34 @@ class Exchange:
         self.xv[order] = buffer
         step = buffer[:, :3] - self.past[order]
         return float(np.sqrt(np.einsum("ia,ia->i", step, step).max(initial=0.0)))
+
+    def wandered(self, u: Array, v: Array, first: int) -> float:
+        """Return how far nodes below and from number ``first`` on can have come closer [m].
+
+        That is the largest way of the former since :meth:`mark` plus that of the latter, over all
+        nodes, chosen or not, both seen from node ``first``.
+        """
+        if self._split is None:
+            own = np.flatnonzero(self._dofs >= 0).astype(np.int32)
+            parts = own[own < first], own[own >= first]
+            self._split = tuple((len(a), view("own", a, (-1,), np.int32)) for a in parts)
+        ride = np.zeros(3)
+        if (dof := int(self._dofs[first])) >= 0:
+            ride = self._reference[first] + u[3 * dof : 3 * dof + 3] - self.past[first]
+        if self.comm is not None:
+            ride = self.comm.allreduce(ride)
+        past = view("past", self.past + ride, self.past.shape)
+        cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
+        ways = [lib.wr_gather(k, own, *self._c, cu, cv, past, self._xv) for k, own in self._split]
+        # a surface without dofs stands still and is seen to ride backwards
+        fixed = (self._owner[:first].max() < 0, self._owner[first:].max() < 0)
+        still = float(np.linalg.norm(ride))
+        ways = [still if f else w for w, f in zip(ways, fixed, strict=True)]
+        if self.comm is None:
+            return float(sum(ways))
+        from mpi4py import MPI
+
+        return float(sum(self.comm.allreduce(w, op=MPI.MAX) for w in ways))
 
     def whole(self, u: Array, v: Array) -> float:
         """Read all nodes; return the largest distance moved since :meth:`mark` [m]."""

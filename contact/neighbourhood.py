@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int32]
 
-# Between two searches a node that is not watched may gain speed. 500 steps per cell width are
-# about c / 500 = 12 m/s: it would take a shock of half a gigapascal to come unseen.
+# Between two searches nodes may gain speed. Every 16 steps all of them are measured: while the
+# largest ways of both surfaces together are below the margin, no node can have arrived unseen.
+_WATCH = 16
 _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
 
@@ -64,15 +65,39 @@ class Neighbourhood:
         """Drop all candidates; the next step searches."""
         self.search.live[:] = 0
         self._steps_left, self._searched = 0, False
+        self._watch_left, self._way = _WATCH, 0.0
         self._choose(np.empty(0, dtype=np.int32))
 
     def approach(self, u: Array, v: Array, dt: float, history: History) -> None:
         """Read the candidates, and search again before any other node can arrive."""
         self._steps_left -= 1
-        if self._steps_left < 0 or not 2.0 * self.exchange.update(u, v) < self.margin:
+        self._watch_left -= 1
+        due = self._steps_left < 0 or not 2.0 * self.exchange.update(u, v) < self.margin
+        way = 0.0
+        if self._searched and (due or self._watch_left <= 0):
+            way = self.exchange.wandered(u, v, self.search.nc)
+            gain, self._way, self._watch_left = way - self._way, way, _WATCH
+            due = due or not way + 2.0 * gain < self.margin
+        if due:
             self.exchange.whole(u, v)
+            if way > self.margin:
+                self._check_unseen(way)
             self._find(history)
             self._steps_left = self._safe_steps(dt) - 1
+
+    def _check_unseen(self, way: float) -> None:
+        """Raise RuntimeError if a node that was no candidate is in the target already.
+
+        Args:
+            way: How far nodes have come closer since the last search, more than the margin [m].
+        """
+        depth, c = deepest(self.search, self.exchange.xv, way)
+        if depth > 0.0 and c not in self.item:
+            raise RuntimeError(
+                f"contact pair {self.name}: node {self.nodes[c]} was not watched and is "
+                f"{depth:.3e} m deep; nodes have come closer by {way:.3e} m since the last "
+                f"search, the margin is {self.margin:.3e} m"
+            )
 
     def settle(self, u: Array, history: History) -> None:
         """Read a state at rest, and search again if anything moved far."""
@@ -111,6 +136,7 @@ class Neighbourhood:
         history.release(gone)
         self._choose(item)
         self._searched = True
+        self._watch_left, self._way = _WATCH, 0.0
         self.exchange.mark()
 
     def _safe_steps(self, dt: float) -> int:
@@ -133,7 +159,7 @@ class Neighbourhood:
             "live": self.search.live.copy(),
             "outward": self.search.outward.copy(),
             "past": self.exchange.past.copy(),
-            "schedule": np.array([self._steps_left, self._searched]),
+            "schedule": np.array([self._steps_left, self._searched, self._watch_left, self._way]),
         }
 
     def load(self, memory: dict[str, npt.NDArray[Any]]) -> None:
@@ -142,4 +168,5 @@ class Neighbourhood:
         self.search.outward[:] = memory["outward"]
         self.exchange.past[:] = memory["past"]
         self._choose(np.asarray(memory["item"], dtype=np.int32))
-        self._steps_left, self._searched = int(memory["schedule"][0]), bool(memory["schedule"][1])
+        steps, searched, watch, self._way = memory["schedule"]
+        self._steps_left, self._searched, self._watch_left = int(steps), bool(searched), int(watch)

@@ -220,3 +220,143 @@ def test_topology():
     kind = facet_kinds(target.reference, target.facets, around, ring)
     assert [bin(k).count("1") for k in kind] == [3, 3]
     assert rigid_plane((0, 0, 0), (0, 1, 1), 2.0).facets.tolist() == [[0, 1, 2, 3]]
+
+
+def carried(target, points, motion, steps, dt=1e-6, reach=1e-3, normal=(0.0, 0.0, -1.0)):
+    """Single nodes moved by ``motion(k)``, displacement and velocity ``(n, 3)`` at step k.
+
+    Yields the pair and, for comparison, one that searches anew at every step.
+    """
+    probe = probes(points, len(target.nodes), normal, edge=2.5e-3)
+    pair = ContactPair(probe, target, dt=dt, reach=reach)
+    n, first = 3 * (len(target.nodes) + len(probe.nodes)), 3 * len(target.nodes)
+    u, v, force = np.zeros(n), np.zeros(n), SimpleNamespace(array=np.zeros(n))
+    state = SimpleNamespace(
+        u=SimpleNamespace(x=SimpleNamespace(array=u)),
+        v=SimpleNamespace(x=SimpleNamespace(array=v)), t=0.0,
+    )  # fmt: skip
+    for k in range(steps):
+        shift, speed = motion(k)
+        u[first:], v[first:] = np.repeat(shift, 4, axis=0).ravel(), np.repeat(speed, 4, 0).ravel()
+        pair.add(state, force)
+        fresh = ContactPair(probe, target, dt=dt, reach=reach)
+        fresh.add(state, force)
+        yield pair, fresh
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10**6), st.floats(5e6, 2e7))
+def test_nobody_is_missed_from_rest(seed, acceleration):
+    """Nodes at rest far outside the margin, then thrown at the target by a million g.
+
+    No search is due when they start, as nothing moves; each contact is found at the step at which a
+    new search finds it.
+    """
+    rng = np.random.default_rng(seed)
+    xs = np.linspace(0, 0.03, 13)
+    target = sheet(xs, xs, lambda x, y: 5e-4 * np.sin(200 * x) * np.cos(150 * y))
+    points = np.column_stack([rng.uniform(0.002, 0.028, (12, 2)), rng.uniform(6e-3, 12e-3, 12)])
+    share = rng.uniform(0.3, 1.0, 12)
+    began, wait = np.zeros(48, dtype=bool), 40
+
+    def fall(k):
+        t = max(k - wait, 0) * 1e-6
+        down = np.array([0, 0, -acceleration]) * share[:, None]
+        return down * t**2 / 2, down * max(t - 5e-7, 0)
+
+    for pair, fresh in carried(target, points, fall, 130):
+        touch = pair.history.gap < 0
+        new = (fresh.history.gap < 0) & ~began
+        assert not (new & ~touch).any()
+        began |= touch
+        pair.history.gap[:], fresh.history.gap[:] = np.inf, np.inf
+    assert began.any()
+
+
+def test_a_jump_that_nobody_could_see_is_told():
+    """Nodes 6 mm away stand on the target two steps later: an error, not a silent miss."""
+    xs = np.linspace(0, 0.03, 13)
+    target = sheet(xs, xs, lambda x, y: 0 * x)
+
+    def leap(k):
+        return np.array([[0, 0, -6.1e-3 if k > 20 else 0.0]]), np.zeros((1, 3))
+
+    with pytest.raises(RuntimeError, match="was not watched"):
+        for _ in carried(target, [[0.015, 0.015, 6e-3]], leap, 60):
+            pass
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10**6))
+def test_sharp_surfaces_under_motion_equal_brute_force(seed):
+    """Nodes wander over ridges and roots of up to 70 degrees: distances of brute force each step.
+
+    Two facets are often equally near there; which one is taken must not matter for the distance.
+    """
+    rng = np.random.default_rng(seed)
+    xs = np.linspace(0, 0.012, 7)
+    steep = np.tan(np.radians(rng.uniform(20, 70)))
+    target = sheet(xs, xs, lambda x, y: steep * np.abs((x / 2e-3) % 2 - 1) * 2e-3)
+    points = np.column_stack([rng.uniform(3e-3, 9e-3, (4, 2)), np.full(4, 2e-3 * steep + 3e-4)])
+    way = np.column_stack([rng.uniform(-40, 40, (4, 2)), rng.uniform(-8, 0, 4)])
+    checked = 0
+    for k, (pair, _) in enumerate(
+        carried(target, points, lambda k: (k * 1e-6 * way, way), 60, reach=2e-3)
+    ):
+        if k % 6:
+            continue
+        for i, p in enumerate(points + k * 1e-6 * way):
+            distance = brute_force(target, p, np.array([0, 0, -1.0]))
+            above = p[2] > steep * abs((p[0] / 2e-3) % 2 - 1) * 2e-3
+            if 4 * i in pair.near.item and above:
+                assert abs(pair.history.gap[4 * i]) == pytest.approx(distance, abs=1e-9)
+                checked += 1
+    assert checked > 5
+
+
+def test_node_leaves_over_the_end_of_the_target():
+    """A pressed node slides off the end: contact to within a hundredth of a facet, then none."""
+    xs = np.linspace(0, 4e-3, 5)
+    target = sheet(xs, xs, lambda x, y: 0 * x)
+    way = np.array([[10.0, 0.0, 0.0]])
+    last = 0.0
+    for k, (pair, _) in enumerate(
+        carried(target, [[3.5e-3, 2e-3, -2e-5]], lambda k: (k * 1e-6 * way, way), 100)
+    ):
+        x = 3.5e-3 + k * 1e-5
+        if pair.history.pressing[0] > 0:
+            last = x
+            assert pair.history.gap[0] == pytest.approx(-2e-5, rel=1e-9)
+    assert last == pytest.approx(4e-3, abs=2e-5)
+
+
+def test_several_pairs_and_patches():
+    """Two targets and two groups of nodes on one: each pair and patch has its own forces."""
+    xs = np.linspace(0, 0.02, 21)
+    floor = sheet(xs, xs, lambda x, y: 0 * x)
+    ceiling = sheet(xs, xs, lambda x, y: 0 * x + 5e-3)
+    ceiling = Surface(
+        "ceiling", 5000 + ceiling.nodes, ceiling.reference, ceiling.facets[:, ::-1].copy(),
+        ceiling.mass, ceiling.dofs + len(floor.nodes),
+    )  # fmt: skip
+    n = len(floor.nodes) + len(ceiling.nodes)
+    low = [[5e-3, 5e-3, -1e-5], [5.1e-3, 5e-3, -1e-5], [15e-3, 15e-3, -2e-5]]
+    down = probes(low, n, (0, 0, -1.0), edge=1e-4)
+    up = probes([[8e-3, 8e-3, 5.02e-3]], n + len(down.nodes), (0, 0, 1.0), edge=1e-4)
+    size = 3 * (n + len(down.nodes) + len(up.nodes))
+    field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(size)))
+    state = SimpleNamespace(u=field, v=field, t=0.0)
+    forces = []
+    for contactor, target in ((down, floor), (up, ceiling)):
+        pair = ContactPair(contactor, target, dt=1e-6, reach=1e-4)
+        force = SimpleNamespace(array=np.zeros(size))
+        pair.add(state, force)
+        forces.append(force.array.reshape(-1, 3))
+        assert np.abs(forces[-1].sum(axis=0)).max() <= 1e-12 * np.abs(forces[-1]).sum()
+        if target is floor:
+            patches = pair.footprint().patches
+            assert len(patches) == 3 and pair.active == 12  # each probe is a facet of its own
+    assert forces[0][: len(floor.nodes), 2].sum() < 0 < forces[1][len(floor.nodes) : n, 2].sum()
+    assert (forces[0][len(floor.nodes) : n] == 0).all() and (
+        forces[1][: len(floor.nodes)] == 0
+    ).all()
