@@ -88,12 +88,13 @@ def test_rolling_keeps_to_the_rigid_motion_and_balances(tmp_path):
 def test_steady_start_lets_the_material_flow_through_the_pattern():
     """Below the contact the block moves with V ∂u/∂x on top of V, to 15 % of the largest.
 
-    The flow is a lumped mean over the cells of a node, the slope that of the nodal displacements along a row of nodes in the middle of its depth.
+    The flow is a lumped mean over the cells of a node, the slope that of the nodal displacements
+    along a row of nodes in the middle of its depth, in the uniform zone.
     """
     model = build(Scene.check(SMALL), MPI.COMM_SELF)
     start(model, lambda line: None)
     X, dofs = model.domain.V.tabulate_dof_coordinates(), model.body_dofs("block")
-    row = dofs[(np.abs(X[dofs, 1]) < 1e-9) & (np.abs(X[dofs, 0]) < 0.008)]
+    row = dofs[(np.abs(X[dofs, 1]) < 1e-9) & (np.abs(X[dofs, 0]) < 0.0041)]
     depths = np.unique(X[row, 2].round(9))
     row = row[np.isclose(X[row, 2], depths[len(depths) // 2])]
     row = row[np.argsort(X[row, 0])]
@@ -103,7 +104,7 @@ def test_steady_start_lets_the_material_flow_through_the_pattern():
         slope = np.gradient(u[:, axis], x)
         flow = v[:, axis] - (-20.0 if axis == 0 else 0.0)
         assert np.abs(flow).max() > 1e-4
-        np.testing.assert_allclose(flow, -20.0 * slope, atol=0.15 * np.abs(flow).max())
+        np.testing.assert_allclose(flow[1:-1], -20.0 * slope[1:-1], atol=0.15 * np.abs(flow).max())
 
 
 def test_shift_ends_at_rest(tmp_path):
