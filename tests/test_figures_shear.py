@@ -42,6 +42,15 @@ def test_centre_row_is_next_to_the_centre(rows):
     assert np.ptp(y) < 1e-12 and abs(y[0]) <= 1e-3 * (1 + 1e-9)
 
 
+def test_centre_row_has_one_node_a_column():
+    """Rows that end half way and lie closer than the nodes along them: no way back and forth."""
+    one = patch((8, 1))
+    other = patch((3, 1), at=(-5e-3, 0.8e-3, 0.0))
+    both = Patch(*(np.concatenate([getattr(p, k) for p in (one, other)]) for k in vars(one)))
+    x = both.local[centre_row(both), 0]
+    assert len(x) == 8 and (np.diff(x) > 1e-3).all()
+
+
 @pytest.mark.parametrize("angle", [0.0, 30.0, 70.0, -40.0, 120.0])
 def test_angle_is_that_of_the_shear_on_the_lower_body(angle):
     """The wheel is pushed forward and to the field side, the rail back and to the gauge side."""

@@ -94,7 +94,7 @@ def _creepages(axes: "Axes", record: Record, scale: float) -> None:
                 axes.plot(t, creepage[:, along], line, color=theme.PATCH[place], marker="o", ms=2.8)
     axes.plot([], [], "-", color=theme.INK, label="longitudinal")
     axes.plot([], [], "--", color=theme.INK, label="lateral")
-    axes.legend(loc="center right")
+    axes.legend(loc="best")
     theme.letter(axes, "d", "creepages of wheel on rail")
     axes.set_ylabel("creepage [%]")
 

@@ -136,7 +136,11 @@ def centre_row(patch: Patch) -> npt.NDArray[np.int64]:
     # the row with most nodes of those within half a cell of the centre, then the nearest one
     near = [k for k, row in enumerate(rows) if abs(y[row].mean()) <= 1.01 * half] or range(len(y))
     best = max(near, key=lambda k: (len(rows[k]), -abs(y[rows[k]].mean())))
-    return np.asarray(rows[best][np.argsort(x[rows[best]])])
+    line: list[int] = []
+    for k in rows[best][np.argsort(np.abs(y[rows[best]] - y[best]), kind="stable")]:
+        if (np.abs(x[line] - x[k]) > half).all():  # rows may lie closer than half a cell
+            line.append(int(k))
+    return np.array(sorted(line, key=lambda k: float(x[k])), dtype=np.int64)
 
 
 def _panels(
