@@ -162,6 +162,8 @@ class Keeper:
     def step(self) -> str | None:
         """Write a checkpoint if one is due; return what could not be done, if anything."""
         output, step = self.model.scene.output, self.model.state.step
+        if step == 0:  # forces there belong to the velocity at t, and v is at t - dt/2 already
+            return None
         if output.checkpoint_steps is not None:
             return self.write() if step % output.checkpoint_steps == 0 else None
         if not output.checkpoint_minutes or step % self.model.scene.guards.check_interval:

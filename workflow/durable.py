@@ -84,10 +84,12 @@ def changing(path: Path) -> Iterator[h5py.File]:
             if sync:
                 os.fsync(raw.fileno())  # new data first: the journal makes it part of the file
             _keep(path, pending, sync)
-        except BaseException:
+        except BaseException as failure:
             with contextlib.suppress(OSError):
                 journal_of(path).unlink(missing_ok=True)
                 raw.truncate(pending.size)
+            if pending.error is not None:
+                raise pending.error from failure
             raise
     _apply(path, pending.writes, pending.end, sync)
     if sync:

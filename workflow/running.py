@@ -179,14 +179,19 @@ def start(model: Model, log: Callable[[str], Any]) -> None:
     """Bring the model to rest and set its initial velocities, as the scene asks."""
     scene = model.scene
     if scene.equilibrium is not None:
-        from workflow.equilibrium import equilibrium
-
         extra = np.zeros(0)
         if scene.rolling is not None:
             from workflow import rolling
 
             extra = rolling.centrifugal(model)
-        equilibrium(model, scene.equilibrium, extra, log)
+        if scene.equilibrium.method == "relaxation":
+            from workflow.relaxation import relaxation
+
+            relaxation(model, scene.equilibrium, extra, log)
+        else:
+            from workflow.equilibrium import equilibrium
+
+            equilibrium(model, scene.equilibrium, extra, log)
     v = model.state.v.x.array.reshape(-1, 3)
     for name, body in scene.bodies.items():
         if body.velocity is not None:
