@@ -109,6 +109,24 @@ def test_no_creepage_at_the_start(record):
 
 @pytest.mark.slow
 @pytest.mark.mpi
+def test_creepages_are_those_of_a_rigid_wheel(record):
+    """Spin sin(contact angle)/r; difference of longitudinal creepage height/r: both to 10 %.
+
+    Measured from the motion of the bodies round each patch: 0.5 to 4 % and 5 % off.
+    """
+    table = record.patches
+    spin = -np.sin(table["contact_angle"]) / 0.46
+    np.testing.assert_allclose(table["spin_creepage"], spin, rtol=0.1)
+    assert (np.bincount(table["output"]) == [1, 1, 1, 1, 2, 2]).all()
+    assert list(table["patch"]) == [0, 0, 0, 0, 0, 1, 0, 1]
+    for k in (4, 5):
+        at = table["output"] == k
+        lower = np.ptp(table["centre"][at, 2])
+        assert np.ptp(table["creepage"][at, 0]) == pytest.approx(lower / 0.46, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
 def test_cone_is_kept_in_every_output(record):
     """|F_t| ≤ 0.6 F_n at every node of every output, to round-off; some nodes slip at the end."""
     for k in range(6):
