@@ -17,10 +17,10 @@ from forms.kernel import Array
 from forms.stability import assembled_frequency, cell_frequency
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
+from workflow.body_tables import Body, Isotropic
 from workflow.contact_step import contact_terms
 from workflow.geometry import cell_size
 from workflow.scene import Scene
-from workflow.sections import Body, Isotropic
 
 
 class Bodies:

@@ -181,8 +181,10 @@ def pressure(record: Record) -> "Figure | None":
 def closed_forms(record: Record, pair: str) -> list[tuple[str, Array, Array]]:
     """Return what theory says of a pair's forces: label, times [s], forces [N]; or nothing."""
     from contact.closed_forms import bar_impact, sliding_stop
+    from workflow.body_tables import Isotropic
+    from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh
     from workflow.scene import Scene
-    from workflow.sections import BarMesh, BlocksMesh, CapMesh, Isotropic, RigidWall
+    from workflow.sections import RigidWall
 
     scene = Scene.check(record.scene)
     contact, mesh, whole = scene.contacts[pair], scene.mesh, np.array([0.0, scene.time.end])

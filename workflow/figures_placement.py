@@ -35,8 +35,8 @@ def placement(record: Record) -> "Figure | None":
     from meshes.outline import gap_function
     from meshes.placement import rail_in_track
     from workflow.geometry import placement_of, profiles_of
+    from workflow.mesh_tables import WheelRailMesh
     from workflow.scene import Scene
-    from workflow.sections import WheelRailMesh
 
     scene = Scene.check(record.scene)
     at, mesh = placement_of(scene), scene.mesh

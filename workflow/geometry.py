@@ -13,8 +13,8 @@ from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
 from meshes.tags import Tag
 from workflow.file_mesh import FileMesh
+from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
 from workflow.scene import Scene, SceneError
-from workflow.sections import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
 
 if TYPE_CHECKING:
     from meshes.measured import Kind

@@ -22,13 +22,13 @@ from meshes.hexmesh import HexMesh
 from meshes.tags import Tag
 from workflow.bodies import Bodies
 from workflow.fields import write_mesh
+from workflow.mesh_tables import WheelRailMesh
 from workflow.modes_labels import Mode, cylindrical, labelled
 from workflow.modes_part import BORE, WHEEL, Part, held_dofs, part_of
 from workflow.modes_solve import nodal_mass, spectrum, stiffness
 from workflow.results import gather
 from workflow.running import checked
 from workflow.scene import Scene, SceneError
-from workflow.sections import WheelRailMesh
 
 Array = npt.NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from meshes.hexmesh import HexMesh
 from workflow.attachments import axle, supports, surface_nodes
 from workflow.file_mesh import FileMesh
 from workflow.geometry import mesh_of, placement_of, profile
+from workflow.mesh_tables import WheelRailMesh
 from workflow.scene import Scene, SceneError
-from workflow.sections import WheelRailMesh
 
 Array = npt.NDArray[np.float64]
 

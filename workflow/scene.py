@@ -9,16 +9,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from workflow.body_tables import Body
 from workflow.file_mesh import FileMesh
 from workflow.friction_tables import law_of
+from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
 from workflow.quantities import Acceleration, explain
 from workflow.sections import (
-    BarMesh,
-    BlocksMesh,
-    Body,
-    CapMesh,
     Contact,
-    CurvedMesh,
     Driven,
     Equilibrium,
     Guards,
@@ -28,7 +25,6 @@ from workflow.sections import (
     Section,
     Support,
     Time,
-    WheelRailMesh,
 )
 from workflow.track_tables import Absorbing, Track, Vehicle
 
