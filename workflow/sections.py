@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables that a scene is made of: shapes, bodies, contacts, supports, loads, motion, time."""
+"""The tables of a scene beside mesh and bodies: contacts, supports, loads, motion, time."""
 
 from typing import Annotated, Literal, Self
 
-from pydantic import (
-    Field,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
 from workflow.friction_tables import FrictionLaw
 from workflow.quantities import (
