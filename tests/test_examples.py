@@ -51,9 +51,11 @@ def test_two_bars_ends_on_half_the_impedance():
 
 
 def test_contact_patch_ends_on_uniform_pressure():
-    """Within 3 % rms of it where the contactor has the smaller cells."""
-    first = printed("contact_patch.py").splitlines()[1].replace("%", "").split()
-    assert float(first[2]) < 3 and float(first[3]) < 12
+    """Within 3 % rms of it where the contactor has the smaller cells, 0.6 % in two passes."""
+    rows = [line.replace("%", "").split() for line in printed("contact_patch.py").splitlines()[1:7]]
+    assert [row[2] for row in rows] == list("111222")
+    assert float(rows[0][3]) < 3 and float(rows[0][4]) < 12
+    assert all(float(row[3]) < 0.6 for row in rows[3:])
 
 
 def test_hertz_contact_ends_on_hertz():

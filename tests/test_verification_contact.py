@@ -133,6 +133,40 @@ def test_row_9_two_bars_collide(tmp_path, base_size):
         assert depth[middle].mean() == pytest.approx(stress / stiffness, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("changes", "depth"),
+    [
+        ({"contacts.face.method": "modulus-penalty", "contacts.face.penalty": 0.5}, None),
+        ({"contacts.face.method": "lagrange", "time.safety": 0.9}, 1e-12),
+    ],
+    ids=["modulus-penalty", "lagrange"],
+)
+def test_row_9_other_methods(tmp_path, changes, depth):
+    """Matching bars by each method: stress 0.1 %, speeds 1 %, momentum 1e-12, ledger 1e-3.
+
+    Lagrange: no penetration (1e-12 of what the bars close in a step).
+    """
+
+    def probe(m):
+        pair = m.pairs["face"]
+        bodies = motion(m, "block", 2)[1], motion(m, "base", 2)[1]
+        return m.state.t, m.dt, pair.normal_force, pair.max_penetration, *bodies
+
+    keys = {"mesh.base_size": 0.00125, "output.fields": False}
+    scene = Scene.load("two-bars", **keys, **changes)
+    history, columns = watched(scene, tmp_path, probe)
+    t, dt, force, penetration, block, base = columns
+    stress, T = RHO * C * SPEED / 2, LENGTH / C
+    middle = (t > 0.3 * T) & (t < 0.7 * T)
+    assert force[middle].mean() / WIDTH**2 == pytest.approx(stress, rel=1e-3)
+    whole = RHO * WIDTH**2 * LENGTH / 2 * SPEED
+    assert np.abs(block + base + whole).max() <= 1e-12 * whole
+    assert (block[-1], base[-1]) == pytest.approx((0, -whole), abs=0.01 * whole)
+    assert np.abs(history["balance_error"]).max() < 1e-3
+    if depth is not None:
+        assert penetration.max() <= depth * SPEED * dt[0]
+
+
 # row 10
 
 
@@ -161,6 +195,13 @@ def test_row_10_contact_patch_in_one_pass():
     assert stiff["rms"] == pytest.approx(found["rms"], rel=0.05)
     swapped = patch_test(**{"mesh.size": 0.0031, "mesh.base_size": 0.0025})
     assert found["rms"] < swapped["rms"] < 0.04
+
+
+def test_row_10_contact_patch_in_two_passes():
+    """Each side contactor once: 0.5 % rms, 1.5 % at one node; load 1e-6."""
+    found = patch_test(**{"contacts.face.two_pass": True})
+    assert found["load"] == pytest.approx(0, abs=1e-6)
+    assert found["rms"] < 0.005 and found["most"] < 0.015
 
 
 # rows 11, 12
