@@ -69,18 +69,24 @@ static inline void push(const row_t *r, double *dv, size_t c, const int32_t *nod
   }
 }
 
-/* Sets up the row of one contact, with the forces of the last step as the first guess. */
-static void open_row(row_t *r, double dt, const double *ahead, const double *mass, size_t c,
-                     const int32_t *nodes, const double *xi, const double *n, double gap,
+/* Sets up the row of one contact, with the forces of the last step as the first guess. The spin of
+ * the facet is that of the last step: without contact its nodes would fly apart. */
+static void open_row(row_t *r, double dt, const double *xv, const double *ahead, const double *mass,
+                     size_t c, const int32_t *nodes, const double *xi, const double *n, double gap,
                      double friction, double pressing, const double *traction) {
   double spin[3], W;
   shape4(xi, r->N);
   W = r->per_mass[0] = 1.0 / mass[c];
+  relative(xv, mass, nodes, xv + 6 * c, xi, dt, r->w, spin);
+  for (int a = 3; a < 6; a++)
+    r->w[a - 3] += ahead[6 * c + (size_t)a] - xv[6 * c + (size_t)a];
   for (int b = 0; b < 4; b++) {
+    const size_t j = 6 * (size_t)nodes[b];
     r->per_mass[b + 1] = 1.0 / mass[nodes[b]];
     W += r->N[b] * r->N[b] * r->per_mass[b + 1];
+    for (size_t a = 3; a < 6; a++)
+      r->w[a - 3] -= r->N[b] * (ahead[j + a] - xv[j + a]);
   }
-  relative(ahead, mass, nodes, ahead + 6 * c, xi, dt, r->w, spin);
   memcpy(r->n, n, sizeof r->n);
   memcpy(r->t, traction, sizeof r->t);
   carry(spin, dt, n, r->t);
@@ -183,8 +189,8 @@ static int64_t open_rows(const system_t *s, int64_t k, const int32_t *item, doub
         let_go(s, c);
       continue;
     }
-    open_row(s->row + m, s->dt, s->ahead, s->mass, c, nodes, s->xi + 2 * c, s->normal + 3 * c,
-             s->gap[c], s->friction[c], s->pressing[c], s->traction + 3 * c);
+    open_row(s->row + m, s->dt, s->xv, s->ahead, s->mass, c, nodes, s->xi + 2 * c,
+             s->normal + 3 * c, s->gap[c], s->friction[c], s->pressing[c], s->traction + 3 * c);
     memset(s->dv + 3 * c, 0, sizeof none);
     for (int b = 0; b < 4; b++)
       memset(s->dv + 3 * (size_t)nodes[b], 0, sizeof none);
