@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
@@ -71,7 +73,8 @@ def restore(model: "Model", ledger: "Ledger", arrays: Arrays) -> None:
     remind(model)
     state.a.array[:] = 0.0
     state.a.array[: 3 * domain.owned] = arrays["a"][domain.nodes[: domain.owned]].ravel()
-    ranks, rank = domain.msh.comm.size, domain.msh.comm.rank
+    comm: MPI.Comm = domain.msh.comm
+    ranks, rank = comm.size, comm.rank
     for name, owner, attribute in sums(model):
         parts = arrays[f"sum/{name}"]
         together = float(parts.sum()) if rank == 0 else 0.0
