@@ -104,10 +104,10 @@ def test_row_23_power_cuts(tmp_path):
         import time
         from workflow import guards
         old = guards.check_finite
-        guards.check_finite = lambda model: (time.sleep(0.05), old(model))
+        guards.check_finite = lambda model: (time.sleep(0.02), old(model))
     """
     log, cuts = folder / "run.log", 0
-    for _ in range(10):
+    while cuts < 10:
         size = log.stat().st_size if log.exists() else 0
         process = subprocess.Popen(driver(name, folder, slow), stderr=subprocess.DEVNULL)
         began = time.monotonic()
@@ -115,14 +115,16 @@ def test_row_23_power_cuts(tmp_path):
             if log.exists() and "stepping:" in log.read_text()[size:]:
                 break
             time.sleep(0.01)
-        time.sleep(rng.uniform(0.0, 0.5))
-        cuts += process.poll() is None
+        time.sleep(rng.uniform(0.0, 0.3))
         process.kill()
-        process.wait()
-        with h5py.File(folder / "results.h5", "r") as file:  # readable at any time
-            assert "history" in file
+        if process.wait() == 0:  # it had come to its end: once more
+            assert_same(tmp_path / "whole", folder)
+            shutil.rmtree(folder)
+            continue
+        cuts += 1
+        durable.finish(folder / "results.h5")  # as whoever reads a run that was killed
+        assert "history/t" in arrays(folder / "results.h5")
     run(scene, folder, quiet=True, resume=True)
-    assert cuts == 10
     assert_same(tmp_path / "whole", folder)
 
 

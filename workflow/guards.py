@@ -25,7 +25,7 @@ def check_finite(model: "Model") -> None:
     comm, a = model.domain.msh.comm, model.state.a.array[: 3 * model.domain.owned]
     size = np.nan_to_num(np.abs(a).reshape(-1, 3).max(axis=1), nan=np.inf)
     worst = int(np.argmax(size)) if len(size) else -1
-    found = comm.allgather((float(size[worst]), _place(model, worst)) if len(size) else (-1.0, ""))
+    found = comm.allgather((float(size[worst]), place(model, worst)) if len(size) else (-1.0, ""))
     _, where = max(found)
     raise GuardError(
         f"non-finite acceleration at step {model.state.step}, t = {model.state.t:.6e} s, {where}; "
@@ -34,7 +34,8 @@ def check_finite(model: "Model") -> None:
     )
 
 
-def _place(model: "Model", dof: int) -> str:
+def place(model: "Model", dof: int) -> str:
+    """Return in words which body and node an owned dof block belongs to, and where it is."""
     domain = model.domain
     node = int(domain.nodes[dof])
     cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])

@@ -39,6 +39,10 @@ class Progress:
         self.console.print(line, highlight=False, soft_wrap=True)
         self._keep(line)
 
+    def note(self, line: str) -> None:
+        """Keep a line in the log without showing it."""
+        self._keep(line)
+
     def keep_in(self, path: Path, *, go_on: bool = False) -> None:
         """Write the log to ``path`` from now on, with what was said so far; behind it if told."""
         if self.root:

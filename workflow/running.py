@@ -14,6 +14,7 @@ import numpy as np
 
 from forms.elements import Law
 from workflow import checkpoint, guards
+from workflow.audit import audit
 from workflow.clock import Clock
 from workflow.contact_step import tell_offsets
 from workflow.energy import Energy, Ledger
@@ -95,6 +96,8 @@ def run(
     energy, error, status = None, 0.0, "done"
     try:
         if point is None:
+            for line in audit(model):
+                progress.note(line)
             with clock.phase("equilibrium"):
                 start(model, progress.log)
         else:
