@@ -8,13 +8,11 @@ import numpy.typing as npt
 
 from contact._kernel import ffi, lib
 from contact.arrays import view
-from contact.footprint import Footprint, footprint_of
 from contact.friction import Coulomb, Law, LawState, as_law, coefficients
 from contact.history import History
 from contact.lagrange import Lagrange
 from contact.neighbourhood import Neighbourhood
 from contact.normal_law import checked, node_foundation
-from contact.patches import beside, parted
 from contact.state import State, Vector
 from contact.surface import Surface, tributary_area
 from contact.tangent import stiffness_blocks
@@ -269,30 +267,6 @@ class ContactPair(Totals):
         return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
 
     # ---- results --------------------------------------------------------------------------
-
-    def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
-        """Return the nodes in contact at the last step and their patches, same on all ranks.
-
-        Args:
-            stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
-                fraction of the largest tangential nodal force [-].
-        """
-        h = self.history
-        c = np.sort(h.touching[: self.active].astype(np.int64))
-        c = c[h.pressing[c] > 0.0]
-        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
-
-    def footprint_on(
-        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
-    ) -> Footprint:
-        """Return the footprint of contactor nodes ``c`` with these normals and forces."""
-        h = self.history
-        neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
-        return footprint_of(
-            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
-            self.area[c], h.slip[c] / self.dt, h.friction[c],
-            parted(pressing / self.area[c], neighbours), stick_tolerance,
-        )  # fmt: skip
 
     def surfaces(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Return position and velocity of all nodes [m, m/s]; collective.

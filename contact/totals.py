@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a contact pair has summed up over its nodes."""
+"""What a contact pair has to tell: energies and resultants over its nodes, and its footprint."""
 
 import numpy as np
 import numpy.typing as npt
 
+from contact.footprint import Footprint, footprint_of
 from contact.history import History
+from contact.neighbourhood import Neighbourhood
+from contact.patches import beside, parted
+from contact.surface import Surface
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
 
 
 class Totals:
-    """Energies and resultants of a pair, read from its history."""
+    """Energies, resultants and footprint of a pair, read from its history."""
 
     history: History
+    contactor: Surface
+    near: Neighbourhood
+    area: Array
+    dt: float
+    active: int
 
     @property
     def friction_dissipation(self) -> float:
@@ -63,3 +73,27 @@ class Totals:
     def initial_offsets(self) -> tuple[int, float]:
         """Nodes whose overlap at the start does not count, and the deepest [m]."""
         return self.history.offsets
+
+    def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
+        """Return the nodes in contact at the last step and their patches, same on all ranks.
+
+        Args:
+            stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
+                fraction of the largest tangential nodal force [-].
+        """
+        h = self.history
+        c = np.sort(h.touching[: self.active].astype(np.int64))
+        c = c[h.pressing[c] > 0.0]
+        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
+
+    def footprint_on(
+        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
+    ) -> Footprint:
+        """Return the footprint of contactor nodes ``c`` with these normals and forces."""
+        h = self.history
+        neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
+        return footprint_of(
+            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
+            self.area[c], h.slip[c] / self.dt, h.friction[c],
+            parted(pressing / self.area[c], neighbours), stick_tolerance,
+        )  # fmt: skip

@@ -137,9 +137,10 @@ double wr_overlap(int64_t k, const int32_t *touching, const double *xv, const in
  *   info [2]   out: sweeps, last move over deepest overlap
  * Returns the number of touching nodes. */
 int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, double tolerance,
-                    int64_t sweeps, double fade, const double *friction, const double *xv, const double *ahead,
-                    const double *mass, const int32_t *dof, const int32_t *quad,
-                    const int32_t *facet, const double *xi, const double *normal, double *gap,
-                    double *stiffness, double *offset, double *pressing, double *approach,
-                    double *traction, double *slip, int32_t *touching, double *work, double *dv,
-                    double *f, double *total, double *info);
+                    int64_t sweeps, double fade, const double *friction, const double *xv,
+                    const double *ahead, const double *mass, const int32_t *dof,
+                    const int32_t *quad, const int32_t *facet, const double *xi,
+                    const double *normal, double *gap, double *stiffness, double *offset,
+                    double *pressing, double *approach, double *traction, double *slip,
+                    int32_t *touching, double *work, double *dv, double *f, double *total,
+                    double *info);
