@@ -81,7 +81,7 @@ def test_run_prints_its_summary_and_leaves_its_results(squealx, tmp_path):
     assert summary == json.loads((folder / "summary.json").read_text())
     assert summary["status"] == "done" and summary["cells"] == 2 * 2 * 40
     assert {p.name for p in folder.iterdir()} == {
-        *("scene.toml", "summary.json", "results.h5", "fields.vtkhdf", "run.log")
+        *("scene.toml", "summary.json", "results.h5", "fields.vtkhdf", "run.log", "checkpoint")
     }
     with h5py.File(folder / "results.h5") as file:
         units = {name: data.attrs["units"] for name, data in file["history"].items()}
