@@ -52,7 +52,10 @@ def load(scene: str, changes: list[str] | None) -> Scene:
 def scene_of(out: Path | None, resume: bool) -> str:
     """Return the scene file of the result folder that a run is to go on in."""
     if out is None or not resume:
-        raise SceneError("SCENE: missing; only --resume with --out takes it from the folder")
+        raise SceneError(
+            "Missing argument 'SCENE': expected a built-in name or a TOML file; only --resume "
+            "with --out takes it from the folder"
+        )
     if not (out / "scene.toml").is_file():
         raise SceneError(f"out = {str(out)!r}: expected a result folder with scene.toml to resume")
     return str(out / "scene.toml")
