@@ -70,12 +70,17 @@ def carter(folder, creepage: float, **changes) -> dict:
     }
 
 
+CURVE = [(5e-4, 0.5), (7.6e-4, 0.69), (1.19e-3, 0.91), (-7.6e-4, 0.69)]  # driven, last: braked
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("creepage", "share"), [(5e-4, 0.5), (7.6e-4, 0.69), (1.19e-3, 0.91)])
+@pytest.mark.parametrize(("creepage", "share"), CURVE)
 def test_row_15_carter(tmp_path, creepage, share):
     """0.3 mm: creepage for the traction 3 %, stick zone one cell, at the leading edge; ledger.
 
-    One cell is the finest that a stick zone is told by: a node sticks or slips.
+    One cell is the finest that a stick zone is told by: a node sticks or slips. Driven and braked
+    differ by 2 %: without traction the roller creeps by 7e-6, of the order of (a/R)², which the
+    half-spaces of Carter do not.
     """
     found = carter(tmp_path, creepage)
     assert found["share"] == pytest.approx(share, abs=0.03)
