@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The cache of meshes: what comes back, when it is made anew, and that it never stops a run."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -12,7 +13,7 @@ from workflow import Scene
 from workflow.geometry import mesh_of
 
 PLACEMENT = Placement(
-    0.1, 0.02, np.array([0.0, 1 / 3, 0.46]), np.float64(2 / 3), np.ones(3) / 7, 0.35,
+    0.1, 0.02, 0.001, np.array([0.0, 1 / 3, 0.46]), np.float64(2 / 3), np.ones(3) / 7, 0.35,
     np.ones(3) / 9, 3e-4, 1.2, 0.47, 0.06, 0.05, 0.035, 0.024,
 )  # fmt: skip
 
@@ -29,12 +30,13 @@ class Maker:
 
     def __init__(self) -> None:
         self.mesh = blocks.block((0, 0, 0), (1, 1, 1 / 3), cells=(3, 2, 2))
+        self.placement = PLACEMENT
         self.times = 0
         self.log: list[str] = []
 
     def __call__(self):
         self.times += 1
-        return self.mesh, PLACEMENT
+        return self.mesh, self.placement
 
     def get(self, name: str = "a"):
         return cache.cached(name, self, self.log.append)
@@ -54,6 +56,16 @@ def test_kept_mesh_is_the_made_one(folder):
     assert all(getattr(first[0], k).dtype == getattr(second[0], k).dtype for k in cache.ARRAYS)
     assert len(make.log) == 1 and "taken from the cache" in make.log[0]
     assert [p.name for p in folder.iterdir()] == ["a.npz"]
+
+
+def test_placement_of_a_wheel_without_flange_is_kept(folder):
+    """What such a wheel does not have comes back as None."""
+    gone = {k: None for k in Placement.__dataclass_fields__ if k.startswith("flange")}
+    gone |= {"flange_rail_s": None}
+    make = Maker()
+    make.placement = dataclasses.replace(PLACEMENT, **gone)
+    first, second = make.get(), make.get()
+    assert make.times == 1 and same(first, second) and second[1].flange_gap is None
 
 
 @pytest.mark.parametrize("damage", ["short", "empty", "byte", "text"])
