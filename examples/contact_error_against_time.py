@@ -150,21 +150,32 @@ def front(rows: list[tuple]) -> list[tuple]:
 def figure(rows: list[tuple], path: Path) -> None:
     """Save error against processor time, a panel for each case, its front drawn."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     cases = list(dict.fromkeys(row[0] for row in rows))
     columns = min(2, len(cases))
     fig = Figure(figsize=(5.5 * columns, 3.6 * -(-len(cases) // columns)), layout="constrained")
     axes = np.atleast_1d(fig.subplots(-(-len(cases) // columns), columns)).ravel()
+    names = list(dict.fromkeys(row[1] for row in rows if not row[1].endswith(" mm")))
     for ax, case in zip(axes, cases, strict=False):
         own = [row for row in rows if row[0] == case]
         best = front(own)
-        ax.loglog([r[3] for r in best], [r[2] for r in best], "-", color="0.7", lw=3, zorder=0)
+        ax.loglog([r[3] for r in best], [100 * r[2] for r in best], "-", color="0.7", lw=3)
         for k, (_, name, error, seconds, _) in enumerate(own):
-            ax.plot(seconds, error, "oo^svD<P*X"[k % 10], label=name, ms=7 if k else 10)
+            at = names.index(name) if name in names else None
+            look = (
+                {"marker": "o", "ms": 10 - 2 * k} if at is None else {"marker": "svD<P*X^>"[at % 9]}
+            )
+            colour = "k" if at is None else f"C{at}"
+            ax.plot(seconds, 100 * error, ls="", color=colour, label=name, **look)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         title = next(solve.__doc__ for solve in CASES if solve.__name__ == case)
-        ax.set(xlabel="processor time [s]", ylabel="error")
+        ax.set(xlabel="processor time [s]", ylabel="error [%]")
         ax.set_title(title.split(",")[0].split(" and cells")[0], fontsize=10)
-        ax.grid(True, which="both", lw=0.3)
+        ax.grid(True, which="major", lw=0.3)
         ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)
