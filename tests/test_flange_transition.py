@@ -225,8 +225,9 @@ def test_bad_input_exits_with_2(tmp_path, case):
 
 
 STOPS = {
-    "penalty": (["contacts.wall.penalty=400"], ["energy balance error", "penalty"]),
+    "penalty": ("bar-impact", ["contacts.wall.penalty=400"], ["energy balance error", "penalty"]),
     "no energy guard": (
+        "bar-wave",
         [
             *("time.safety=1.2", "guards.energy_error=1e99", "guards.check_interval=100000"),
             *("time.output_interval=1e-3", "time.end=1e-3"),
@@ -240,9 +241,9 @@ STOPS = {
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.mpi)])
 def test_a_run_gone_wrong_exits_with_3_and_keeps_its_results(tmp_path, case, ranks):
     """A contact spring 2000 times too stiff, and a step 8 % over the limit with the guard off."""
-    changes, messages = STOPS[case]
+    scene, changes, messages = STOPS[case]
     words = [word for change in changes for word in ("--set", change)]
-    done = squealx("run", "bar-impact", *words, "--ranks", ranks, "--out", tmp_path / "out")
+    done = squealx("run", scene, *words, "--ranks", ranks, "--out", tmp_path / "out")
     assert done.returncode == 3 and "Traceback" not in done.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     for message in messages:
