@@ -3,6 +3,7 @@
 BIN := .venv/bin
 RANKS ?= 2
 PYTEST ?=
+WORKERS ?= 2
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # one thread per rank: BLAS threads would fight over the cores of the other ranks
 export OMP_NUM_THREADS ?= 1
@@ -30,7 +31,7 @@ demo: setup
 	$(BIN)/squealx figures demo
 
 test: lint
-	$(BIN)/pytest $(PYTEST)
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile $(PYTEST)
 
 lint: setup
 	$(BIN)/ruff check

@@ -400,3 +400,12 @@ def test_scene_refuses_what_does_not_go_together():
         Scene.load("bar-impact", **{"contacts.wall.two_pass": True})
     with pytest.raises(SceneError, match=r"contacts\.wall\.method"):
         Scene.load("bar-impact", **{"contacts.wall.method": "magic"})
+
+
+def test_two_passes_run_with_all_guards(tmp_path):
+    """A run in two passes that must stay in touch goes through, with the ledger closed."""
+    changes = {"contacts.face.two_pass": True, "contacts.face.keep": True, "time.end": 4e-6}
+    scene = Scene.load("sliding-block", **changes, **{"output.fields": False})
+    history = run(scene, tmp_path, quiet=True).history
+    assert np.abs(history["balance_error"]).max() < 1e-3
+    assert history["face_normal_force"].min() > 0

@@ -2,7 +2,7 @@
 """What stops a run that has gone wrong, and what it says."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,7 +55,9 @@ class Watch:
 
     def __init__(self, model: "Model") -> None:
         self.model = model
-        self.sizes = {name: node_sizes(pair) for name, pair in model.pairs.items()}
+        self.sizes = {
+            name: [node_sizes(side) for side in sides(pair)] for name, pair in model.pairs.items()
+        }
         self.seen: dict[str, str] = {}
 
     def check(self, error: float) -> None:
@@ -69,15 +71,16 @@ class Watch:
         """
         check_energy(self.model, error)
         for name, pair in self.model.pairs.items():
-            self._depth(name, pair)
+            for side, sizes in zip(sides(pair), self.sizes[name], strict=True):
+                self._depth(name, side, sizes)
             if self.model.scene.contacts[name].keep:
                 self._touch(name, pair)
 
-    def _depth(self, name: str, pair: "ContactPair") -> None:
+    def _depth(self, name: str, pair: "ContactPair", sizes: npt.NDArray[np.float64]) -> None:
         c, h = pair.history.touching[: pair.active], pair.history
         if not len(c):
             return
-        share = -h.gap[c] / self.sizes[name][c]
+        share = -h.gap[c] / sizes[c]
         worst, limit = int(np.argmax(share)), self.model.scene.guards.penetration
         if share[worst] > limit:
             node = int(c[worst])
@@ -92,9 +95,10 @@ class Watch:
 
     def _touch(self, name: str, pair: "ContactPair") -> None:
         if pair.normal_force > 0.0:
-            c = pair.history.touching[: pair.active]
-            top = int(c[np.argmax(pair.history.pressing[c])])
-            self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(pair, top)}"
+            side = max(sides(pair), key=lambda one: one.normal_force)
+            c = side.history.touching[: side.active]
+            top = int(c[np.argmax(side.history.pressing[c])])
+            self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(side, top)}"
         elif name in self.seen:
             raise GuardError(
                 f"contact {name}: lost at {self._when()}, {self.seen[name]}, where "
@@ -105,6 +109,11 @@ class Watch:
 
     def _when(self) -> str:
         return f"step {self.model.state.step}, t = {self.model.state.t:.6e} s"
+
+
+def sides(pair: Any) -> tuple["ContactPair", ...]:
+    """Return the passes of a pair: itself, or both of a contact in two passes."""
+    return getattr(pair, "passes", (pair,))
 
 
 def node_sizes(pair: "ContactPair") -> npt.NDArray[np.float64]:
