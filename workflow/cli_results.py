@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Verbs that draw or measure: figures, bench."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workflow.command import Json, examples, in_mpi
+from workflow.scene import SceneError
+
+verbs = typer.Typer()
+
+
+@verbs.command(epilog=examples("squealx figures runs/bar-impact"))
+def figures(
+    folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
+) -> None:
+    """Draw the figures of a run into its folder figures/."""
+    if not (folder / "results.h5").is_file():
+        raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
+    from workflow.figures import draw
+
+    paths = draw(folder)
+    if as_json:
+        print(json.dumps({"figures": [str(p) for p in paths]}))
+    else:
+        print("\n".join(map(str, paths)))
+
+
+@verbs.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))
+def bench(
+    out: Annotated[
+        Path, typer.Option(help="Folder for bench.json and bench.png; replaces those there.")
+    ] = Path("runs/bench"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small blocks: rough numbers in seconds.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast this machine runs kernels, steps and contact: a table and a figure."""
+    if in_mpi():
+        raise SceneError("bench: expected to be started without mpiexec; it starts its own ranks")
+    from rich.console import Console
+
+    from workflow.bench import measure, show
+    from workflow.results import check_free
+
+    check_free(out)
+    progress = Console(stderr=True)
+    found = measure(out, quick, lambda line: progress.print(line, highlight=False))
+    print(json.dumps(found)) if as_json else show(found, Console())
