@@ -140,26 +140,26 @@ def place(
     seen = np.isfinite(trace[:, 2])
     touch, height, rail_touch = _lower(trace, tread & seen, rail)
     trace[:, 2] += height
+
+    def told(k: int) -> tuple[Array, float, float, float]:
+        angle = contact_angle(wheel, float(s[k]), yaw, roll)
+        return trace[k], angle, radius + float(wheel.at(s[k])[1]), float(s[k])
+
     flange: dict[str, Any] = dict.fromkeys(FLANGE)
     if (flank & seen).any():
         nearest, gap, rail_nearest = _nearest(trace, flank & seen, rail)
-        flange = {
-            "flange_point": trace[nearest],
-            "flange_gap": gap,
-            "flange_angle": contact_angle(wheel, float(s[nearest]), yaw, roll),
-            "flange_radius": radius + float(wheel.at(s[nearest])[1]),
-            "flange_s": float(s[nearest]),
-            "flange_rail_s": rail_nearest,
-        }
+        point, angle, circle, at = told(nearest)
+        flange = dict(zip(FLANGE, (point, gap, angle, circle, at, rail_nearest), strict=True))
+    point, angle, circle, at = told(touch)
     return Placement(
         shift=shift,
         yaw=yaw,
         roll=roll,
         centre=np.array([0.0, tape + shift, height]),
-        rolling_radius=radius + float(wheel.at(s[touch])[1]),
-        tread_point=trace[touch],
-        tread_angle=contact_angle(wheel, float(s[touch]), yaw, roll),
-        tread_s=float(s[touch]),
+        rolling_radius=circle,
+        tread_point=point,
+        tread_angle=angle,
+        tread_s=at,
         tread_rail_s=rail_touch,
         **flange,
     )

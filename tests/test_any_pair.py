@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.geometry import placement_of
+from workflow.attachments import axle
+from workflow.geometry import mesh_of, placement_of
 from workflow.scene import SceneError
 
 RADIUS, CROWN, SLOPE = 0.46, 0.3, 1 / 20
@@ -37,6 +38,26 @@ def test_cone_stands_where_the_slopes_agree(files):
     assert moved == pytest.approx(CROWN * np.arctan(1 / 40), abs=2e-5)
 
 
+def test_rolled_wheelset(files):
+    """``mesh.roll`` is the rise of the axle to the field side: of placement, mesh and supports.
+
+    The contact angle of a cone grows by it; the axle, a body of revolution, has its axis there.
+    """
+    change = {"mesh.lateral_shift": 0.0, "mesh.size": 8e-3, "rolling.angle_of_attack": 0.0}
+    scene = Scene.load("flange-transition").with_(**files, **change, **{"mesh.roll": 0.03})
+    rise = np.array([0.0, np.cos(0.03), np.sin(0.03)])
+    mesh, p = mesh_of(scene)
+    assert p.tread_angle == pytest.approx(np.arctan(SLOPE) + 0.03, abs=1e-6)
+    nodes = mesh.points[np.unique(mesh.cells[mesh.regions == mesh.tag("axle")])]
+    found = np.linalg.svd(nodes - nodes.mean(axis=0), full_matrices=False)[2][0]
+    np.testing.assert_allclose(found / np.sign(found[1]), rise, atol=1e-3)
+    np.testing.assert_allclose(axle(scene), rise, atol=1e-15)
+    main = Scene.load("flange-transition", **{"mesh.roll": 0.003})
+    flange = placement_of(main)
+    assert flange.roll == 0.003
+    assert flange.flange_gap == pytest.approx(main.mesh.flange_gap, abs=1e-8)
+
+
 @pytest.mark.slow
 def test_cone_rolls_on_the_crown(files, tmp_path):
     """At rest the crown carries the wheelset's share; it rolls on as one patch at 1:20."""
@@ -60,6 +81,7 @@ def test_cone_rolls_on_the_crown(files, tmp_path):
         ({"mesh.lateral_shift": 0.2}, r"mesh\.lateral_shift = 0\.2 with .*not above the rail"),
         ({"mesh.flange_gap": 0.05}, r"mesh\.flange_gap = 0\.05 with .*expected"),
         ({"mesh.rail_base": "49E1"}, "mesh.rail_base"),
+        ({"mesh.roll": 0.5}, r"mesh\.roll = 0\.5: expected less than or equal to 0\.2 \[rad\]"),
         ({"mesh.profile_smoothing": -1.0}, "mesh.profile_smoothing"),
     ],
 )

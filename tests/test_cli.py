@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from workflow import Scene, cli
+from workflow.command import value_of
 from workflow.scene import names
 
 SHORT = ("--set", "time.end=2e-6", "--set", "mesh.size=0.0025")
@@ -62,6 +63,39 @@ def test_validate_accepts_built_in_scenes(squealx, name):
     assert squealx("validate", name) == (0, f"{name}: valid\n", "")
     code, out, _ = squealx("validate", name, "--set", "mesh.size=3e-3", "--json")
     assert code == 0 and only_json(out) == {"scene": name, "valid": True}
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "value"),
+    [
+        ("mesh.rail_profile", "60E1", "60E1"),
+        ("mesh.rail_base", "54E1", "54E1"),
+        ("name", "7", "7"),
+        ("title", '"7"', "7"),
+        ("track.sleeper_top", "1e3", "1e3"),
+        ("bodies.rail.element", "true", "true"),
+        ("mesh.size", "1E-3", 1e-3),
+        ("mesh.size", "2mm", "2mm"),
+        ("mesh.roll", "-1e-2", -0.01),
+        ("contacts.c.friction", "0.5", 0.5),
+        ("contacts.c.target", "7", 7),  # text or a table: 7 is neither, and told as it was meant
+        ("bodies.rail.regions", '["web"]', ["web"]),
+        ("equilibrium.approach.rail", "[0.0, 0.0, 1.0]", [0.0, 0.0, 1.0]),
+        ("no.such.key", "1", 1),
+    ],
+)
+def test_text_stays_text_where_a_scene_takes_nothing_else(key, text, value):
+    """A rail may be called 54E1, which is 540 in TOML; where numbers are taken it stays one."""
+    found = value_of(key, text)
+    assert found == value and type(found) is type(value)
+
+
+def test_names_that_look_like_numbers(squealx):
+    """60E1 is a rail, and no wheel; the message has it as it was written."""
+    name, rail, wheel = "flange-transition", "mesh.rail_profile=60E1", "mesh.wheel_profile=54E1"
+    assert squealx("validate", name, "--set", rail)[0] == 0
+    code, out, err = squealx("validate", name, "--set", wheel)
+    assert (code, out) == (2, "") and "mesh.wheel_profile = '54E1': " in err
 
 
 def test_version_names_squealx_and_dolfinx(squealx):

@@ -71,9 +71,11 @@ def nodes_of(domain: Domain, names: list[str]) -> Dofs:
 
 
 def axle(scene: Scene) -> Array:
-    """Return the unit vector along the axle, yawed by the angle of attack, shape ``(3,)``."""
+    """Return the unit vector along the axle, at its angle of attack and roll, shape ``(3,)``."""
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
-    return np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    roll = getattr(scene.mesh, "roll", 0.0)
+    level = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    return np.cos(roll) * level + np.array([0.0, 0.0, np.sin(roll)])
 
 
 def supports(entries: list[Support], scene: Scene, domain: Domain) -> Supports:

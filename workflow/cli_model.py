@@ -3,11 +3,12 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from workflow.command import Changes, Json, SceneName, examples, in_mpi, load, on_ranks
+from workflow.scene import Scene
 
 verbs = typer.Typer()
 
@@ -123,22 +124,21 @@ def modes(
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
         words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
+    find_modes(checked, folder, as_json, part=part, held=held, top=to, size=size, most=most)
+
+
+def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None:
+    """Find modes on these ranks, draw and print them; ``wanted`` as ``workflow.modes.modes``."""
     from mpi4py import MPI
 
     from rich.console import Console
 
-    from workflow.modes import modes as find
-    from workflow.modes import show
+    from workflow.figures_modes import draw
+    from workflow.modes import modes, show
 
     root = MPI.COMM_WORLD.rank == 0
     progress = Console(stderr=True, quiet=not root)
-    found = find(
-        checked, folder, part=part, held=held, top=to, size=size, most=most,
-        log=lambda line: progress.print(line, highlight=False),
-    )  # fmt: skip
-    if not root:
-        return
-    from workflow.figures_modes import draw
-
-    draw(found, folder)
-    print(json.dumps(found.summary)) if as_json else show(found.summary, Console())
+    found = modes(scene, folder, log=lambda line: progress.print(line, highlight=False), **wanted)
+    if root:
+        draw(found, folder)
+        print(json.dumps(found.summary)) if as_json else show(found.summary, Console())

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from workflow.quantities import takes_text
 from workflow.scene import Scene, SceneError
 
 EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a guard or a full disk, results kept."
@@ -42,11 +43,20 @@ def load(scene: str, changes: list[str] | None) -> Scene:
         key, equals, text = change.partition("=")
         if not equals:
             raise SceneError(f"--set {change!r}: expected key.path=value")
-        try:
-            parsed[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            parsed[key.strip()] = text
+        parsed[key.strip()] = value_of(key.strip(), text)
     return Scene.load(scene, **parsed)
+
+
+def value_of(key: str, text: str) -> Any:
+    """Return the TOML value that a text is; the text itself where it is none or text is expected.
+
+    So a rail may be called 54E1, which TOML takes for the number 540.
+    """
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+    return value if isinstance(value, str) or not takes_text(Scene, key.split(".")) else text
 
 
 def scene_of(out: Path | None, resume: bool) -> str:

@@ -44,7 +44,7 @@ def placement(record: Record) -> "Figure | None":
     wheel, head, _ = profiles_of(mesh)
     rail = rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
     gap = gap_function(
-        wheel, rail, at.centre, radius=mesh.wheel_radius, yaw=at.yaw, spacing=SPACING
+        wheel, rail, at.centre, radius=mesh.wheel_radius, yaw=at.yaw, roll=at.roll, spacing=SPACING
     )
     fig = theme.figure(theme.PAGE, 4.9)
     parts: Any = fig.subfigures(2, 1, height_ratios=(1.25, 1.0))

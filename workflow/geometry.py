@@ -196,6 +196,7 @@ def placement_of(scene: Scene) -> "Placement":
     assert isinstance(mesh, WheelRailMesh)
     wheel, head, _ = profiles_of(mesh)
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
         shift = 0.0
@@ -203,10 +204,8 @@ def placement_of(scene: Scene) -> "Placement":
     try:
         rail = placement.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         if shift is None:
-            return placement.lateral_shift_for(
-                wheel, rail, flange_gap=mesh.flange_gap, radius=mesh.wheel_radius, yaw=yaw
-            )
-        return placement.place(wheel, rail, radius=mesh.wheel_radius, shift=shift, yaw=yaw)
+            return placement.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
+        return placement.place(wheel, rail, shift=shift, **turn)
     except ValueError as error:
         raise SceneError(
             f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "

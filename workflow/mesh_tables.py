@@ -2,14 +2,14 @@
 """The tables of a scene's mesh: shapes with closed forms, and wheel on rail."""
 
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import (
     field_validator,
     model_validator,
 )
 
-from workflow.quantities import Count, Distance, Growth, Length, Position, Section, Slope
+from workflow.quantities import Angle, Count, Distance, Growth, Length, Position, Section, Slope
 
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
 
@@ -111,6 +111,7 @@ class WheelRailMesh(Section):
 
     A profile is the name of a built-in one or of a CSV file; a rail head from a file is joined to
     web and foot of ``rail_base``. ``lateral_shift``, if given, takes the place of ``flange_gap``.
+    ``roll`` is the angle by which the axle rises towards the field side.
     """
 
     kind: Literal["wheel-on-rail"]
@@ -127,14 +128,9 @@ class WheelRailMesh(Section):
     start: Position = 0.3
     flange_gap: Length = 3e-4
     lateral_shift: Position | None = None
+    roll: Angle = 0.0
     margin: Length = 0.03
     sleepers: Sleepers | None = None
-
-    @field_validator("rail_profile", "rail_base", mode="before")
-    @classmethod
-    def _named(cls, name: Any) -> Any:
-        """Take 54E1 and 60E1 as names though ``--set`` reads them as numbers."""
-        return {54e1: "54E1", 60e1: "60E1"}.get(name, name) if isinstance(name, float) else name
 
     @field_validator("wheel_profile", "rail_profile")
     @classmethod

@@ -25,7 +25,7 @@ from workflow.fields import write_mesh
 from workflow.mesh_tables import WheelRailMesh
 from workflow.modes_labels import Mode, cylindrical, labelled
 from workflow.modes_part import BORE, WHEEL, Part, held_dofs, part_of
-from workflow.modes_solve import nodal_mass, spectrum, stiffness
+from workflow.modes_solve import Spectrum, nodal_mass, spectrum, stiffness
 from workflow.results import gather
 from workflow.running import checked
 from workflow.scene import Scene, SceneError
@@ -94,8 +94,7 @@ def modes(
         raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
     folder = None if out is None else checked(out, comm)
     chosen = part_of(scene, part, held, size, comm)
-    held_here = held_dofs(chosen)
-    bodies = Bodies(chosen.scene, chosen.domain)
+    held_here, bodies = held_dofs(chosen), Bodies(chosen.scene, chosen.domain)
     mass = nodal_mass(bodies)
     log(f"{chosen.name}, {chosen.held}: {len(chosen.domain.source.cells)} cells")
     found = spectrum(chosen.domain, stiffness(bodies), mass, held_here, top, most)
@@ -104,25 +103,32 @@ def modes(
             f"modes: found {len(found.frequencies)}, but the inertia counts {found.counted}"
         )
     log(f"{found.counted} modes up to {top:g} Hz, all of them by inertia")
-    nodal = gather(chosen.domain, np.repeat(mass, 3))[:, 0]
-    shapes = np.array([gather(chosen.domain, shape.ravel()) for shape in found.shapes])
-    labels: list[Mode] = []
-    if comm.rank == 0:
-        labels, shapes = labelled(
-            found.frequencies,
-            shapes,
-            chosen.domain.source.points,
-            nodal,
-            _axle(chosen),
-            hub(chosen),
-        )
-    labels = comm.bcast(labels)
+    labels, shapes = told_apart(chosen, found, mass)
     summary = summarise(chosen, bodies, labels, float(comm.allreduce(mass.sum())), top, comm)
     summary["wall_seconds"] = time.perf_counter() - started
     result = Modes(summary, labels, chosen.domain.source, shapes, fourier(chosen), _axle(chosen))
     if folder is not None and comm.rank == 0:
         write(folder, scene, result)
     return result
+
+
+def told_apart(part: Part, found: Spectrum, mass: Array) -> tuple[list[Mode], Array]:
+    """Return the labels of the modes, and on rank 0 their shapes in mesh order ``(k, n, 3)``.
+
+    Args:
+        part: The part.
+        found: Its frequencies and the shapes of this rank's nodes.
+        mass: Lumped mass of those, shape ``(owned,)`` [kg].
+    """
+    domain = part.domain
+    nodal = gather(domain, np.repeat(mass, 3))[:, 0]
+    shapes = np.array([gather(domain, shape.ravel()) for shape in found.shapes])
+    labels: list[Mode] = []
+    if domain.msh.comm.rank == 0:
+        labels, shapes = labelled(
+            found.frequencies, shapes, domain.source.points, nodal, _axle(part), hub(part)
+        )
+    return domain.msh.comm.bcast(labels), shapes
 
 
 def _axle(part: Part) -> tuple[Array, Array] | None:

@@ -91,3 +91,25 @@ def unit_of(annotation: Any, keys: list[str]) -> str:
     if get_origin(annotation) in (list, tuple, dict) and keys:
         inner = keys[1:]
     return next((unit for a in get_args(annotation) if (unit := unit_of(a, inner))), "")
+
+
+def takes_text(root: type[BaseModel], keys: list[str]) -> bool:
+    """Tell whether the field at ``keys`` below a model holds text and nothing else."""
+    return kinds(root, keys) - {type(None)} == {str}
+
+
+def kinds(annotation: Any, keys: list[str]) -> set[Any]:
+    """Return the types that a value at ``keys`` below a model or type may have."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return kinds(inner[0], keys)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel) and keys:
+        field = annotation.model_fields.get(keys[0])
+        return kinds(field.annotation, keys[1:]) if field else set()
+    if origin is Literal:
+        return set() if keys else {type(choice) for choice in inner}
+    if origin in (list, tuple, dict):
+        return kinds(inner[-1], keys[1:]) if keys else {origin}
+    if inner:  # a union
+        return set().union(*(kinds(each, keys) for each in inner))
+    return set() if keys else {annotation}

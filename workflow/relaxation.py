@@ -29,6 +29,7 @@ from workflow.sections import Equilibrium, Relaxation
 
 Array = npt.NDArray[np.float64]
 Log = Callable[[str], Any]
+Seen = tuple[Array, Array]
 
 SAFETY = 0.9  # of the step's limit: what bodies stiffen as they turn and strain
 # Springs that act one way only gain energy at the limit: nodes hop for ever. At half of it none do.
@@ -83,42 +84,30 @@ def relax(
         extra: More dead load, N.
         log: Called with a line per check.
     """
-    n, u = len(mass), model.state.u.x
-    comm: MPI.Comm = model.domain.msh.comm
-    factor = settings.velocity_factor or FIRST
-    v, peak = np.zeros(n), 0.0
-    before: tuple[Array, Array] | None = None
-    heavy, candidates = mass, None
-
-    def total(x: Array, y: Array) -> float:
-        return float(comm.allreduce(float(x @ y)))
-
+    n, u, comm = len(mass), model.state.u.x, model.domain.msh.comm
+    v, heavy, factor = np.zeros(n), mass, settings.velocity_factor or FIRST
+    candidates, before, peak, share = None, None, 0.0, np.inf
     for step in range(settings.max_steps + 1):
         force = out_of_balance(model, extra).array[:n]
         force[held] = 0.0
         if settings.mass_scaling and candidates != (found := searches(model)):
             heavy, candidates = mass + contact_mass(model), found
         if step and step % settings.check_interval == 0:
-            share = peak / max(internal_energy(model), 1e-300)
-            size = np.sqrt(total(force, force)) / load_size(model, extra)
-            log(
-                f"relaxation {step}: kinetic over internal energy {share:.1e}, residual "
-                f"{size:.1e}, velocity factor {factor:.4f}, "
-                f"{sum(p.active for p in model.pairs.values())} contact nodes"
-            )
+            share, peak = peak / max(internal_energy(model), 1e-300), 0.0
+            size = np.sqrt(total(comm, force, force)) / load_size(model, extra)
+            log(in_words(model, step, share, size, factor))
             if share <= settings.tolerance:
                 return step
             if not np.isfinite(share):
                 break
             now = u.array[:n].copy(), force.copy()
             if before is not None and settings.velocity_factor is None:
-                way, change = now[0] - before[0], before[1] - now[1]
-                square = total(way, change) / max(total(way, heavy * way), 1e-300)
+                square = squared_frequency(comm, before, now, heavy)
                 factor = damping_factor(square, model.dt) if square > 0 else factor
-            before, peak = now, 0.0
+            before = now
         v *= factor
         v += (1 + factor) / 2 * model.dt * force / heavy
-        peak = max(peak, total(heavy * v, v) / 2)
+        peak = max(peak, total(comm, heavy * v, v) / 2)
         u.array[:n] += model.dt * v
         u.scatter_forward()
     raise GuardError(
@@ -126,6 +115,32 @@ def relax(
         f"{settings.tolerance:.0e}; try more equilibrium.relaxation.max_steps, another "
         "velocity_factor or equilibrium.approach, or more equilibrium.hold"
     )
+
+
+def total(comm: MPI.Comm, x: Array, y: Array) -> float:
+    """Return ``x · y`` over all ranks."""
+    return float(comm.allreduce(float(x @ y)))
+
+
+def in_words(model: Model, step: int, share: float, residual: float, factor: float) -> str:
+    """Return a check of the relaxation as a line of the log."""
+    return (
+        f"relaxation {step}: kinetic over internal energy {share:.1e}, residual {residual:.1e}, "
+        f"velocity factor {factor:.4f}, {sum(p.active for p in model.pairs.values())} contact nodes"
+    )
+
+
+def squared_frequency(comm: MPI.Comm, before: Seen, now: Seen, mass: Array) -> float:
+    """Return ω² of the motion between two checks, Rayleigh's quotient ``Δu · ΔK u / Δu · M Δu``.
+
+    Args:
+        comm: All ranks.
+        before: Displacement [m] and out-of-balance force [N] of the owned dofs, ``(n,)`` each.
+        now: The same, later.
+        mass: Their mass, shape ``(n,)`` [kg].
+    """
+    way, change = now[0] - before[0], before[1] - now[1]
+    return total(comm, way, change) / max(total(comm, way, mass * way), 1e-300)
 
 
 def damping_factor(square: float, dt: float) -> float:
