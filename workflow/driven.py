@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies carried by one of their surfaces in a steady rigid motion: shear loading, rolling."""
+"""Bodies carried by one of their surfaces in a steady rigid motion, and supports that move."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +8,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import la
 
+from workflow.moving import moved
 from workflow.sections import Driven
 from workflow.surfaces import surface_nodes
 
@@ -113,21 +114,26 @@ class Hold:
 
     Attributes:
         carried: The driven surfaces.
+        moved: The supports that move.
     """
 
     def __init__(self, model: "Model") -> None:
         self.supports = model.supports
         self.carried = [Carried(model, *entry) for entry in model.scene.driven.items()]
+        self.moved = moved(model)
 
     @property
     def work(self) -> float:
         """Work of this rank's driven nodes [J]."""
-        return sum(c.work for c in self.carried)
+        return sum(c.work for c in self.carried) + sum(m.work for m in self.moved)
 
     def __call__(self, a: la.Vector) -> None:
         """Impose all held and driven components of an acceleration, in place."""
         free = [a.array[c.index] for c in self.carried]
+        loose = [m.free(a) for m in self.moved]
         self.supports(a)
+        for mover, along in zip(self.moved, loose, strict=True):
+            mover.steer(a, along)
         for carried, before in zip(self.carried, free, strict=True):
             carried.steer(a, before)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from workflow import durable
+from workflow import durable, sample_table
 from workflow.snapshot import part
 
 if TYPE_CHECKING:
@@ -26,8 +26,15 @@ def trackers(point: "Checkpoint") -> dict[str, Any]:
     return found
 
 
-def cut(folder: Path, outputs: int, t: float) -> list[str]:
+def samples(point: "Checkpoint") -> int:
+    """Return how many samples of probes the results had at a checkpoint."""
+    return int(point.arrays["samples//every"][1]) if "samples//every" in point.arrays else 0
+
+
+def cut(folder: Path, outputs: int, t: float, sampled: int = 0) -> list[str]:
     """Keep the first ``outputs`` outputs, those up to ``t`` [s]; return what had to be replaced.
+
+    Of the samples of probes the first ``sampled`` are kept.
 
     A broken ``results.h5`` is replaced by its copy in the checkpoint, broken fields begin anew.
 
@@ -36,11 +43,11 @@ def cut(folder: Path, outputs: int, t: float) -> list[str]:
     """
     results, fields, lost = folder / "results.h5", folder / "fields.vtkhdf", []
     try:
-        cut_results(results, outputs, t)
+        cut_results(results, outputs, t, sampled)
     except (OSError, KeyError, RuntimeError, ValueError):
         durable.journal_of(results).unlink(missing_ok=True)
         durable.copy(folder / "checkpoint" / "results.h5", results)
-        cut_results(results, outputs, t)
+        cut_results(results, outputs, t, sampled)
         lost.append("results.h5 was broken: taken from the checkpoint")
     if fields.exists() and not readable(fields):
         durable.journal_of(fields).unlink(missing_ok=True)
@@ -65,7 +72,7 @@ def readable(path: Path) -> bool:
     return bool(whole)
 
 
-def cut_results(path: Path, outputs: int, t: float) -> None:
+def cut_results(path: Path, outputs: int, t: float, sampled: int = 0) -> None:
     """Drop all of ``results.h5`` that was written after the checkpoint."""
     with durable.changing(path) as file:
         for column in file["history"].values():
@@ -75,6 +82,7 @@ def cut_results(path: Path, outputs: int, t: float) -> None:
         for group in file["contact"].values():
             for k in [k for k in group if int(k) >= outputs]:
                 del group[k]
+        sample_table.cut(file, sampled)
         for table in file["patches"].values() if "patches" in file else ():
             if "output" in table:
                 _shorten(table, int(np.searchsorted(table["output"][:], outputs)))

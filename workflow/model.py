@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from contact import ContactPair
     from contact.friction import Law as FrictionLaw
     from workflow.driven import Hold
+    from workflow.sampling import Sampling
 
 Array = npt.NDArray[np.float64]
 
@@ -70,6 +71,7 @@ class Model:
     damping: MassDamping | None = None
     drive: DriveTorque | None = None
     drives: "Hold | None" = None
+    sampling: "Sampling | None" = None
     placement: Any = None
 
     @property

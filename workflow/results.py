@@ -22,6 +22,7 @@ from workflow.scene import Scene, SceneError
 
 if TYPE_CHECKING:
     from workflow.checkpoint import Checkpoint
+    from workflow.sampling import Sampling
 
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
 
@@ -113,7 +114,9 @@ class Results:
 
             t = float(point.arrays["time"][0])
             self.trackers = going_on.trackers(point)
-            self.lost = going_on.cut(self.folder, point.about["outputs"], t)
+            self.lost = going_on.cut(
+                self.folder, point.about["outputs"], t, going_on.samples(point)
+            )
         durable.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
         if self.write_fields:
             self.fields = FieldWriter(fields, self.domain.source, resume_at=t)
@@ -162,6 +165,22 @@ class Results:
         table = file.require_group(f"patches/{name}")
         append_patches(table, self.outputs, t, footprint, identity, motion)
         append_events(table.require_group("events"), events)
+
+    def append_samples(self, sampling: "Sampling | None") -> None:
+        """Add what was sampled since the last time, if a run samples at all."""
+        if sampling is None:
+            return
+        from workflow import sample_table
+
+        arrays = sampling.take()
+        if not self.comm.bcast(len(arrays["t"])):
+            return
+
+        def write() -> None:
+            with durable.changing(self.folder / "results.h5") as file:
+                sample_table.append(file, sampling, arrays)
+
+        on_root(self.comm, self.folder, write)
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh."""

@@ -20,6 +20,7 @@ from workflow.contact_step import tell_offsets
 from workflow.energy import Energy, Ledger
 from workflow.geometry import cell_size
 from workflow.model import Model, build
+from workflow.moving import moves
 from workflow.outputs import output, summarise
 from workflow.progress import Progress
 from workflow.results import Results, check_free
@@ -86,6 +87,10 @@ def run(
     built = point.as_built(scene) if point else scene
     model = build(built, comm, progress.log, clock, laws, friction)
     model.scene = scene  # its mesh may be that of an earlier end
+    if scene.output.sample_interval is not None:
+        from workflow.sampling import Sampling
+
+        model.sampling = Sampling(model)
     if point is not None:
         point.fits(model)
     else:
@@ -116,13 +121,16 @@ def run(
         raise
     finally:
         summary = summarise(model, energy, error, status, clock, keeper.wall)
-        conclude(results, summary, progress)
+        conclude(results, summary, progress, model)
     return Result(folder, summary)
 
 
-def conclude(results: Results, summary: Mapping[str, Any], progress: Progress) -> None:
-    """Write the summary; if it is a full disk that ended the run, only say so."""
+def conclude(
+    results: Results, summary: Mapping[str, Any], progress: Progress, model: Model
+) -> None:
+    """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
     try:
+        results.append_samples(model.sampling)
         results.summarise(summary)
     except RuntimeError as error:
         if summary["status"] == "done":
@@ -204,7 +212,7 @@ def start(model: Model, log: Callable[[str], Any]) -> None:
         from workflow import rolling
 
         rolling.start(model)
-    if scene.driven:
+    if scene.driven or moves(scene):
         from workflow import driven
 
         driven.start(model)
@@ -227,6 +235,8 @@ def steps(
     last = round(scene.time.end / model.dt)
     loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
     constraints = [clock.timed(model.phase_of(add), add) for add in model.last]
+    for line in model.sampling.lines() if model.sampling is not None else ():
+        progress.note(line)
     progress.start(model, last)
     loop = central_difference(
         state,
@@ -247,6 +257,8 @@ def steps(
         guards.check_finite(model)
         if state.step == 0:
             tell_offsets(model, progress.log)
+        if model.sampling is not None:
+            model.sampling.step()
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:

@@ -13,6 +13,7 @@ from workflow.body_tables import Body
 from workflow.file_mesh import FileMesh
 from workflow.friction_tables import law_of
 from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
+from workflow.probe_tables import Probe, unfit
 from workflow.quantities import Acceleration, explain
 from workflow.sections import (
     Contact,
@@ -54,6 +55,7 @@ class Scene(Section):
     vehicle: Vehicle | None = None
     track: Track | None = None
     equilibrium: Equilibrium | None = None
+    probes: list[Probe] = Field(default_factory=list)
     time: Time
     guards: Guards = Guards()
     output: Output = Output()
@@ -84,6 +86,12 @@ class Scene(Section):
             )
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
+        sampled = self.output.sample_interval
+        if sampled is not None and sampled > self.time.output_interval:
+            raise ValueError(
+                f"output.sample_interval = {sampled}: expected at most "
+                f"time.output_interval = {self.time.output_interval} s"
+            )
         if self.time.output_interval > self.time.end:
             raise ValueError(
                 f"time.output_interval = {self.time.output_interval}: "
@@ -115,6 +123,7 @@ class Scene(Section):
         for name in self.driven:
             if name not in self.bodies:
                 yield f"driven.{name}: expected one of {list(self.bodies)}"
+        yield from unfit(self.probes, list(regions), self.output.sample_interval)
 
     def _unfit_bodies(self) -> Iterator[str]:
         """Yield a line for every key of a body that does not go with its others."""
@@ -164,6 +173,9 @@ class Scene(Section):
                 yield f"{key}.{i}.surface", entry.surface
         for body, motion in self.driven.items():
             yield f"driven.{body}.surface", motion.surface
+        for i, probe in enumerate(self.probes):
+            if probe.surface is not None:
+                yield f"probes.{i}.surface", probe.surface
         if self.vehicle:
             yield "vehicle.journal", self.vehicle.journal
         if self.track:

@@ -74,10 +74,31 @@ class Contact(Section):
 
 
 class Support(Section):
-    """A surface held in some directions; ``axle`` is the axis of the yawed wheelset."""
+    """A surface held in some directions; ``axle`` is the axis of the yawed wheelset.
+
+    With ``velocity`` it is moved along its one direction: its speed goes smoothly from 0 to that
+    within ``ramp`` from ``begin`` on. At rest before time zero it is held.
+    """
 
     surface: str
     directions: list[Direction] = Field(min_length=1)
+    velocity: Speed = 0.0
+    begin: Delay = 0.0
+    ramp: Delay = 0.0
+
+    @model_validator(mode="after")
+    def _moves_one_way(self) -> Self:
+        if bool(self.velocity) != bool(self.ramp) or (self.begin and not self.velocity):
+            raise ValueError(
+                "supports: expected velocity and ramp together (and begin with them only), got "
+                f"velocity = {self.velocity} m/s, ramp = {self.ramp} s, begin = {self.begin} s"
+            )
+        if self.velocity and len(self.directions) != 1:
+            raise ValueError(
+                f"supports: velocity = {self.velocity}: expected one direction to move along, got "
+                f"{self.directions}"
+            )
+        return self
 
 
 class Driven(Section):
@@ -169,6 +190,12 @@ class Equilibrium(Section):
     shift: Position = 0.0
     shift_increments: Count = 5
 
+    @model_validator(mode="after")
+    def _at_rest(self) -> Self:
+        if moving := [entry.surface for entry in self.hold if entry.velocity]:
+            raise ValueError(f"equilibrium.hold: expected supports at rest, got {moving} moved")
+        return self
+
 
 class Time(Section):
     """Duration, outputs and step of a run.
@@ -197,9 +224,11 @@ class Output(Section):
     """What a run leaves besides its history.
 
     A checkpoint to go on from is written every ``checkpoint_minutes`` of wall time, or every so
-    many steps, and at the end; 0 minutes: none.
+    many steps, and at the end; 0 minutes: none. Probes and contact forces are sampled, averaged
+    over it, at every ``sample_interval``; none: they are not.
     """
 
     fields: bool = True
+    sample_interval: Duration | None = None
     checkpoint_minutes: Minutes = 10.0
     checkpoint_steps: Count | None = None

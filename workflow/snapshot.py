@@ -12,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import la
 
 from workflow.energy import Energy
+from workflow.moving import moves
 from workflow.results import gather
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def collect(model: "Model", ledger: "Ledger", trackers: Mapping[str, Any]) -> Ar
             local.reshape(-1, 3)[carried.dofs] = carried.reaction
             arrays[f"driven/{i}/reaction"] = gather(domain, local)
             arrays[f"driven/{i}/centre"] = carried.centre
-    for kind, parts in (("pair", model.pairs), ("tracker", trackers)):
+    sampled = {} if model.sampling is None else {"": model.sampling}
+    for kind, parts in (("pair", model.pairs), ("tracker", trackers), ("samples", sampled)):
         for name, part in parts.items():
             arrays |= {f"{kind}/{name}/{key}": a for key, a in part.memory().items()}
     return arrays | energies(ledger)
@@ -68,7 +70,7 @@ def restore(model: "Model", ledger: "Ledger", arrays: Arrays) -> None:
 
         model.drive = drive(model, 0.0, 0.0)
         model.drive.torque = float(arrays["drive/torque"])
-    if model.scene.driven:
+    if model.scene.driven or moves(model.scene):
         steer(model, arrays)
     remind(model)
     state.a.array[:] = 0.0
@@ -81,6 +83,8 @@ def restore(model: "Model", ledger: "Ledger", arrays: Arrays) -> None:
         setattr(owner, attribute, float(parts[rank]) if len(parts) == ranks else together)
     for name, pair in model.pairs.items():
         pair.restore(part(arrays, f"pair/{name}/"))
+    if model.sampling is not None:
+        model.sampling.restore(part(arrays, "samples//"))
     remember(ledger, arrays)
 
 
@@ -128,6 +132,9 @@ def sums(model: "Model") -> Iterator[tuple[str, Any, str]]:
     if model.drives is not None:
         for i, carried in enumerate(model.drives.carried):
             yield f"driven{i}", carried, "work"
+        for i, mover in enumerate(model.drives.moved):
+            yield f"moved{i}", mover, "work"
+            yield f"moved{i}/reaction", mover, "reaction"
 
 
 def energies(ledger: "Ledger") -> Arrays:
