@@ -199,8 +199,8 @@ def not_blank(path: Path) -> bool:
 def test_transition_has_all_figures(transition):
     """Model, placement, footprints, section, patches and energy, none of them blank."""
     paths = figures.draw(transition)
-    names = ["model", "placement", "footprints", "cross_section", "patch_forces", "patch_means"]
-    names += ["adhesion", "centre_line", "shear_vectors", "energy"]
+    names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "patch_forces"]
+    names += ["patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
     assert [p.name for p in paths] == [f"{n}.png" for n in names]
     assert all(p.parent == transition / "figures" and not_blank(p) for p in paths)
 

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflow import theme
-from workflow.figures_curves import energy, history, patch_forces, patch_means, pressure
+from workflow.figures_curves import energy, history, patch_forces, patch_means
 from workflow.figures_footprint import footprints
 from workflow.figures_model import model
+from workflow.figures_nodes import contact_nodes
 from workflow.figures_placement import placement
+from workflow.figures_pressure import pressure
 from workflow.figures_section import cross_section
 from workflow.figures_shear import adhesion, centre_line, shear_vectors
 from workflow.recorded import Record
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "adhesion",
     "centre_line",
+    "contact_nodes",
     "cross_section",
     "draw",
     "energy",
@@ -42,6 +45,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     placement,
     footprints,
     cross_section,
+    contact_nodes,
     patch_forces,
     patch_means,
     adhesion,

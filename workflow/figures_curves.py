@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow import theme
+from workflow.figures_closed_forms import closed_forms
 from workflow.figures_shear import FEWEST
 from workflow.recorded import STEEP, Contact, Record
 from workflow.theme import Array
@@ -112,13 +113,15 @@ def energy(record: Record) -> "Figure | None":
     time_scale, time_unit = theme.prefixed(t, "s")
     scale, unit = theme.prefixed(np.concatenate(list(terms.values())), "J")
     for name, values in terms.items():
-        colour = theme.ENERGY[name]
-        upper.plot(t * time_scale, values * scale, color=colour, label=name.replace("_", " "))
+        label = f"{name.replace('_', ' ')}  {_short(values[-1], 'J')}"
+        upper.plot(t * time_scale, values * scale, color=theme.ENERGY[name], label=label)
     total = sum(-v if k == "external_work" else v for k, v in terms.items())
     label = "sum, less external work" if "external_work" in terms else "sum"
+    label = f"{label}  {_short(total[-1], 'J')}"
     upper.plot(t * time_scale, total * scale, color=theme.INK, ls="--", lw=1, label=label)
     upper.set_ylabel(f"energy since the start [{unit}]")
-    upper.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    upper.legend(loc="upper left", bbox_to_anchor=(1, 1), title="at the end", alignment="left",
+                 title_fontsize=7)  # fmt: skip
     theme.letter(upper, "a", "energy ledger")
     _error(lower, t * time_scale, history["balance_error"])
     lower.set_xlabel(f"time [{time_unit}]")
@@ -147,69 +150,10 @@ def history(record: Record) -> "Figure | None":
                 t * time_scale, tangential * scale, color=theme.PATCH[2], label="tangential force"
             )
         axes.set(xlabel=f"time [{time_unit}]", ylabel=f"contact force [{unit}]")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(bottom=0, top=1.08 * axes.get_ylim()[1])
         axes.set_title(f"contact pair {name}")
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return fig
-
-
-def pressure(record: Record) -> "Figure | None":
-    """Pressure of a sphere on a flat over the radius at the last output, Hertz behind."""
-    if record.scene["mesh"]["kind"] != "cap-on-block" or not record.contacts:
-        return None
-    from contact.closed_forms import contact_modulus, hertz_sphere
-
-    contact = next(iter(record.contacts.values()))
-    patch = next(p for p in reversed(contact.patches) if p)[1]
-    materials = [b["material"] for b in record.scene["bodies"].values()]
-    moduli = [(m["youngs_modulus"], m["poisson_ratio"]) for m in materials]
-    modulus = contact_modulus(*moduli[0], *moduli[-1])
-    hertz = hertz_sphere(4 * patch.vertical_force, record.scene["mesh"]["radius"], modulus)
-    r = np.linspace(0, hertz.a, 200)
-    fig = theme.figure(theme.COLUMN, 2.8)
-    axes = fig.subplots()
-    exact = hertz.p0 * np.sqrt(1 - (r / hertz.a) ** 2)
-    axes.plot(r * 1e3, exact / 1e6, color=theme.CLOSED_FORM, lw=3.5, label="Hertz, same force")
-    at, nodal = np.hypot(*patch.position[:, :2].T), patch.pressing / patch.areas
-    axes.plot(at * 1e3, nodal / 1e6, ".", color=theme.PATCH[1], ms=3.5, label="contact nodes")
-    axes.set(xlabel="distance from the centre [mm]", ylabel="pressure [MPa]")
-    axes.set_ylim(bottom=0)
-    axes.legend()
-    return fig
-
-
-def closed_forms(record: Record, pair: str) -> list[tuple[str, Array, Array]]:
-    """Return what theory says of a pair's forces: label, times [s], forces [N]; or nothing."""
-    from contact.closed_forms import bar_impact, sliding_stop
-    from workflow.body_tables import Isotropic
-    from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh
-    from workflow.scene import Scene
-    from workflow.sections import RigidWall
-
-    scene = Scene.check(record.scene)
-    contact, mesh, whole = scene.contacts[pair], scene.mesh, np.array([0.0, scene.time.end])
-    body = next(iter(scene.bodies.values()))
-    if not isinstance(body.material, Isotropic):
-        return []
-    E, rho = body.material.youngs_modulus, body.material.density
-    speed = abs((body.velocity or (0.0,))[0])
-    pressure = -sum(load.traction[2] for load in scene.loads)
-    if isinstance(mesh, BarMesh) and isinstance(contact.target, RigidWall):
-        force, stay = bar_impact(speed, E, rho, mesh.width**2, mesh.length)
-        times = np.array([0.0, 0.0, stay, stay, scene.time.end])
-        return [("ρ c v A during 2L/c", times, force * np.array([0, 1, 1, 0, 0]))]
-    if isinstance(mesh, BlocksMesh) and pressure > 0:
-        normal = pressure * mesh.block[0] * mesh.block[1] * np.ones(2)
-        forms = [("load on the block", whole, normal)]
-        friction = contact.friction
-        if speed and isinstance(friction, float) and friction:
-            _, stop = sliding_stop(speed, friction, pressure / (rho * mesh.block[2]))
-            slide = np.array([0.0, min(stop, scene.time.end)])
-            forms.append(("friction × load until rest", slide, friction * normal))
-        return forms
-    if isinstance(mesh, CapMesh) and pressure > 0:
-        return [("load on the quarter", whole, pressure * mesh.extent**2 * np.ones(2))]
-    return []
 
 
 def _normal_forces(axes: "Axes", contact: Contact, scale: float, static: bool) -> None:
@@ -238,6 +182,11 @@ def _mark_birth(axes: "Axes", contact: Contact, scale: float) -> None:
         label = "first output with two patches"
         birth = contact.t[int(np.argmax(contact.two_points))]
         axes.axvline(birth * scale, color=theme.TWO_POINT, ls=":", lw=1, label=label)
+
+
+def _short(value: float, unit: str) -> str:
+    scale, unit = theme.prefixed(value, unit)
+    return f"{value * scale:.3g} {unit}".replace("-", "−")
 
 
 def _error(axes: "Axes", t: Array, error: Sequence[float] | Array) -> None:

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial import cKDTree
 
 from meshes.tags import Tag
 from workflow import theme
+from workflow.figures_outline import boxes, outlines
 from workflow.figures_view import EDGE, Frame, halved, surface
 from workflow.recorded import STEEP, Body, Contact, Patch, Record
 from workflow.theme import Array
@@ -137,13 +138,11 @@ def seen(
             for patch in patches.values():
                 lifted = flat.on_rail(flat.flat(patch.position), LIFT)
                 view.add_points(
-                    lifted, color=colour, point_size=11, render_points_as_spheres=True, ambient=0.5
+                    lifted, color=colour, point_size=8, render_points_as_spheres=True, ambient=0.5
                 )
-                ring = outline(flat.flat(patch.position), patch.areas)
-                at = np.linspace(0, len(ring) - 1, 20 * len(ring))  # close to the curved surface
-                ring = np.column_stack([np.interp(at, np.arange(len(ring)), c) for c in ring.T])
-                ring = flat.on_rail(ring, LIFT)
-                view.add_lines(ring, color=colour, width=6, connected=True)
+                for ring in outlines(flat.flat(patch.position), patch.areas):
+                    line = flat.on_rail(ring, LIFT)
+                    view.add_lines(line, color=colour, width=4, connected=True)
 
     frame.show(axes, frame.render(PIXELS, fill))
     _scale(axes, frame, points, flat)
@@ -171,13 +170,12 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
     from matplotlib.collections import LineCollection, PolyCollection
 
     axes.add_collection(LineCollection(_mesh_lines(rail, flat), colors="#dddddd", lw=0.4))
-    outlines = shown(contact)
-    for patches, colour in outlines:
+    for patches, colour in shown(contact):
         for patch in patches.values():
             nodes = flat.flat(patch.position)
-            ring = outline(nodes, patch.areas) * MM
-            axes.add_collection(PolyCollection([ring], facecolor=colour, alpha=0.10))
-            axes.plot(*ring.T, color=colour, lw=0.8)
+            for ring in outlines(nodes, patch.areas):
+                axes.add_collection(PolyCollection([ring * MM], facecolor=colour, alpha=0.10))
+                axes.plot(*ring.T * MM, color=colour, lw=0.8)
             axes.plot(*(nodes * MM).T, ".", color=colour, ms=1.4, mew=0)
     for place in (1, 2):
         _trail(axes, flat, [(t, p[place]) for t, p in _outputs(contact) if place in p], place)
@@ -201,7 +199,7 @@ def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], pla
     axes.plot(*centres.T, "-", color=theme.INK, lw=0.7)
     for k in (0, -1):
         t, patch = path[k]
-        s = outline(flat.flat(patch.position), patch.areas)[:, 1] * MM
+        s = boxes(flat.flat(patch.position), patch.areas)[..., 1] * MM
         edge, up, side = (s.max(), 4, "bottom") if place == 1 else (s.min(), -4, "top")
         axes.annotate(
             f"{t * 1e3:.2f} ms", (centres[k, 0], edge), (0, up), textcoords="offset points",
@@ -221,26 +219,12 @@ def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
     kept, before, x = [], -1, -np.inf
     for k, patches in enumerate(outputs):
         first = next(iter(patches.values()))
-        ahead, length = first.centre[0] - x, np.ptp(first.position[:, 0])
+        ahead = first.centre[0] - x
+        length = max(np.ptp(patch.position[:, 0]) for patch in patches.values())
         if ahead >= max(length / 2, STRIDE) or len(patches) != before or k == len(outputs) - 1:
             kept.append((patches, (theme.ONE_POINT, theme.TWO_POINT)[len(patches) - 1]))
             before, x = len(patches), first.centre[0]
     return kept
-
-
-def outline(flat: Array, areas: Array) -> Array:
-    """Return the closed outline of a patch: hull of its nodes with their areas as discs.
-
-    Args:
-        flat: Nodes (x, s), shape ``(n, 2)`` [m].
-        areas: Tributary areas, shape ``(n,)`` [m2].
-    """
-    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    radius = np.sqrt(areas / np.pi)
-    discs = (flat[:, None] + radius[:, None, None] * circle).reshape(-1, 2)
-    corners = discs[ConvexHull(discs).vertices]
-    return np.vstack([corners, corners[:1]])
 
 
 def _outputs(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:

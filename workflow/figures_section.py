@@ -19,7 +19,7 @@ MM = 1e3
 
 
 def cross_section(record: Record) -> "Figure | None":
-    """Deformed wheel and rail cut through each patch where the gauge corner bears most.
+    """Deformed wheel and rail cut through each patch when both bear most.
 
     With one patch only, the last output in contact is drawn.
     """
@@ -44,10 +44,10 @@ def cross_section(record: Record) -> "Figure | None":
 
 
 def telling_output(contact: Contact) -> int:
-    """Return the output where patch 2 bears most, or else the last one in contact."""
+    """Return the output where the lesser of two patches bears most, or the last one in contact."""
     if contact.two_points.any():
-        force = np.where(contact.two_points, contact.series(2, "normal_force"), -np.inf)
-        return int(np.argmax(force))
+        lesser = np.minimum(*(contact.series(k, "normal_force") for k in (1, 2)))
+        return int(np.argmax(np.where(contact.two_points, lesser, -np.inf)))
     return int(np.flatnonzero([len(p) > 0 for p in contact.patches])[-1])
 
 
@@ -112,7 +112,7 @@ def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
     text = (
         f"contact angle {patch.angle:.1f}°\n"
         f"normal force {patch.normal_force / 1e3:.1f} kN\n"
-        f"{len(at)} nodes, {patch.area * 1e6:.0f} mm²"
+        f"{len(at)} node{'s' * (len(at) > 1)}, {patch.area * 1e6:.0f} mm²"
     )
     box = {"facecolor": "white", "edgecolor": colour, "lw": 0.6, "alpha": 0.9, "pad": 2.5}
     axes.text(0.97, 0.03, text, transform=axes.transAxes, fontsize=6, ha="right", bbox=box)

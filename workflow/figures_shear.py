@@ -12,11 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from workflow import theme
+from workflow.figures_outline import boxes
 from workflow.recorded import Contact, Patch, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 MM = 1e3
 MPA = 1e-6
@@ -32,15 +34,18 @@ def adhesion(record: Record) -> "Figure | None":
         return None
     tolerance = stick_tolerance(record)
 
-    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
+    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+        patch = patches[place]
         _cells(axes, patch, [theme.ADHESION if s else theme.SLIP for s in patch.stick])
-        largest = max(np.linalg.norm(p.traction, axis=1).max() for p in everything)
-        text = f"{patch.stick.sum()} of {len(patch.stick)} adhere\nε = {tolerance * largest:.0f} N"
-        _note(axes, text)
+        largest = max(np.linalg.norm(p.traction, axis=1).max() for p in patches.values())
+        adhering = f"{patch.stick.sum()} of {len(patch.stick)} adhere"
+        _note(axes, f"{adhering}, ε {tolerance * largest:.0f} N")
 
     fig = _panels(record, contact, draw)
     colours = {"adhesion": theme.ADHESION, "slip": theme.SLIP}
-    _legend(fig, colours, f"ε is {100 * tolerance:g} % of the largest nodal shear force")
+    keys = [_key(name, color=c, marker="s", ls="") for name, c in colours.items()]
+    about = f"slip: friction × normal − shear < ε, {100 * tolerance:g} % of the largest shear force"
+    _legend(fig, keys, about)
     return fig
 
 
@@ -49,23 +54,29 @@ def shear_vectors(record: Record) -> "Figure | None":
     contact = rolling_contact(record)
     if contact is None:
         return None
-    shown = [p for _, patches in moments(contact) for p in patches.values()]
-    largest = max(float(np.linalg.norm(p.shear, axis=1).max()) for p in shown)
-    step = float(np.median([np.sqrt(np.median(p.areas)) for p in shown])) * MM
-    unit = largest * MPA / (1.6 * step)  # the longest arrow spans 1.6 nodes
+    scale = {place: arrow_scale(contact, place) for place in theme.PATCH}
+    keyless = set(scale)
 
-    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
-        _cells(axes, patch, ["#efefef"] * len(patch.areas))
+    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+        patch, (unit, key) = patches[place], scale[place]
+        _cells(axes, patch, ["#e6e6e6"] * len(patch.areas))
         x, y = patch.local.T * MM
-        axes.quiver(x, y, *(patch.shear.T * MPA), angles="xy", scale_units="xy", scale=unit,
-                    color=theme.INK, width=0.006, zorder=3)  # fmt: skip
-        mean = np.linalg.norm([patch.longitudinal_shear, patch.lateral_shear]) * MPA
-        _note(axes, f"θ = {patch.shear_angle:.0f}°\nmean {mean:.0f} MPa")
+        arrows = axes.quiver(
+            x, y, *(patch.shear.T * MPA), angles="xy", scale_units="xy", scale=unit,
+            color=theme.INK, units="inches", width=0.012, headwidth=3.6, headlength=4.2, zorder=3,
+        )  # fmt: skip
+        mean = np.hypot(patch.longitudinal_shear, patch.lateral_shear) * MPA
+        _note(axes, f"θ {patch.shear_angle:.0f}°, mean {mean:.0f} MPa")
+        if place in keyless:
+            keyless.remove(place)
+            axes.quiverkey(arrows, 0.84, 0.12, key, f"{key:g} MPa", labelpos="W", **_KEY)
 
     fig = _panels(record, contact, draw)
-    about = f"longest arrow {largest * MPA:.0f} MPa; θ from the negative longitudinal axis"
-    _legend(fig, {}, about)
+    _legend(fig, [], "θ: from the negative longitudinal axis to the mean shear")
     return fig
+
+
+_KEY: dict[str, Any] = {"fontproperties": {"size": 6}, "labelsep": 0.04}
 
 
 def centre_line(record: Record) -> "Figure | None":
@@ -73,20 +84,45 @@ def centre_line(record: Record) -> "Figure | None":
     contact = rolling_contact(record)
     if contact is None:
         return None
+    limit: dict[str, Any] = {"color": theme.SLIP, "lw": 3.2, "solid_capstyle": "round"}
 
-    def draw(axes: "Axes", patch: Patch, everything: list[Patch]) -> None:
+    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+        patch = patches[place]
         line = centre_row(patch)
         x, pressure = patch.local[line, 0] * MM, (patch.pressing / patch.areas)[line] * MPA
-        shear = np.linalg.norm(patch.shear, axis=1)[line] * MPA
-        style: dict[str, Any] = {"marker": "o", "ms": 2.6, "clip_on": False}
-        axes.plot(x, pressure, color=theme.FAINT, **style)
-        axes.plot(x, shear, color=theme.ADHESION, **style)
-        axes.plot(x, patch.friction[line] * pressure, color=theme.SLIP, ls="--", **style)
+        shear, stick = np.linalg.norm(patch.shear, axis=1)[line] * MPA, patch.stick[line]
+        axes.plot(x, pressure, color=theme.FAINT, marker="o", ms=2.6)
+        axes.plot(x, patch.friction[line] * pressure, **limit)
+        axes.plot(x, shear, color=theme.ADHESION)
+        axes.plot(x[stick], shear[stick], **_MARK, mfc=theme.ADHESION)
+        axes.plot(x[~stick], shear[~stick], **_MARK, mfc="white")
 
     fig = _panels(record, contact, draw, plane=False)
-    colours = {"pressure": theme.FAINT, "friction × pressure": theme.SLIP}
-    _legend(fig, colours | {"shear stress": theme.ADHESION}, "nodes of the row next to the centre")
+    keys = [
+        _key("pressure", color=theme.FAINT, marker="o", ms=2.6),
+        _key("friction × pressure", **limit),
+        _key("shear stress", color=theme.ADHESION),
+        _key("node that adheres", **_MARK, mfc=theme.ADHESION),
+        _key("that slips", **_MARK, mfc="white"),
+    ]
+    _legend(fig, keys, "row of nodes next to the centre")
     return fig
+
+
+_MARK: dict[str, Any] = {"ls": "", "marker": "o", "ms": 3.6, "mec": theme.ADHESION, "zorder": 3}
+
+
+def arrow_scale(contact: Contact, place: int) -> tuple[float, float]:
+    """Return stress per length of arrow [MPa/mm] and the stress of a key [MPa] for one place.
+
+    The longest arrow of all moments spans two cells.
+    """
+    shown = [patches[place] for _, patches in moments(contact) if place in patches]
+    largest = max((float(np.linalg.norm(p.shear, axis=1).max()) for p in shown), default=1.0) * MPA
+    cell = float(np.median([np.sqrt(np.median(p.areas)) for p in shown] or [1e-3])) * MM
+    decade = 10.0 ** np.floor(np.log10(max(largest, 1e-12)))
+    key = max(k for k in (1.0, 2.0, 5.0) if k * decade <= largest) * decade
+    return max(largest, 1e-12) / (2 * cell), float(key)
 
 
 def rolling_contact(record: Record) -> Contact | None:
@@ -151,19 +187,18 @@ def _panels(
     places = sorted({k for _, patches in shown for k in patches})
     limits = {k: _limits([p[k] for _, p in shown if k in p]) for k in places}
     heights = [_height(limits[k], len(shown)) if plane else 1.5 for k in places]
-    fig = theme.figure(theme.PAGE, sum(heights) + 0.55 * len(places) + 0.35)
+    fig = theme.figure(theme.PAGE, sum(heights) + 0.45 * len(places) + 0.6)
     panels = fig.subplots(
         len(places), len(shown), sharex="row", sharey="row", squeeze=False, height_ratios=heights
     )
     scale, unit = theme.prefixed(contact.t, "s")
     names = theme.PATCH_NAME if record.wheel_on_rail else OTHER_NAME
-    for row, place in zip(panels, places, strict=True):
+    for k, (row, place) in enumerate(zip(panels, places, strict=True)):
         for axes, (t, patches) in zip(row, shown, strict=True):
-            axes.set_title(f"{t * scale:.2f} {unit}", loc="center")
+            if k == 0:
+                axes.set_title(f"t = {t * scale:.2f} {unit}", pad=14 if plane else 6)
             if place in patches:
-                draw(axes, patches[place], list(patches.values()))
-                axes.set_xlabel("longitudinal [mm]")
-                axes.tick_params(labelbottom=True)
+                draw(axes, place, patches)
             else:
                 axes.text(0.5, 0.5, "no contact", transform=axes.transAxes, **_ABSENT)
         row[0].set_ylabel(f"{names[place]}\n{'lateral [mm]' if plane else 'stress [MPa]'}")
@@ -176,6 +211,8 @@ def _panels(
                 axes.grid(False)
         else:
             row[0].set_ylim(bottom=0)
+    for axes in panels[-1]:
+        axes.set_xlabel("longitudinal [mm]")
     return fig
 
 
@@ -183,12 +220,11 @@ _ABSENT: dict[str, Any] = {"ha": "center", "va": "center", "color": theme.FAINT,
 
 
 def _limits(patches: list[Patch]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return limits for all patches of a row [mm], with room for a note of two lines on top."""
-    local = np.vstack([p.local for p in patches]) * MM
-    edge = 0.8 * max(np.sqrt(p.areas.max()) for p in patches) * MM
-    (left, low), (right, high) = local.min(axis=0) - edge, local.max(axis=0) + edge
-    room = 0.2 * (right - left)
-    return (left, right), (low, high + room)
+    """Return limits for all patches of a row [mm], with room for arrows beyond the cells."""
+    corners = np.vstack([boxes(p.local, p.areas).reshape(-1, 2) for p in patches]) * MM
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    edge = 0.06 * (right - left)
+    return (left - edge, right + edge), (low - 2 * edge, high + edge)
 
 
 def _height(limits: tuple[tuple[float, float], tuple[float, float]], columns: int) -> float:
@@ -201,28 +237,27 @@ def _cells(axes: "Axes", patch: Patch, colours: list[str]) -> None:
     """Draw each node as a rectangle of its tributary area, as long as rows are spaced."""
     from matplotlib.collections import PolyCollection
 
-    x = patch.local[:, 0]
-    apart = np.abs(x[:, None] - x)
-    apart[apart < 0.5 * np.sqrt(patch.areas)] = np.inf  # same column, or the node itself
-    near = apart.min(axis=1)
-    length = np.median(near[np.isfinite(near)]) if np.isfinite(near).any() else 0.0
-    length = min(max(length, 0.5 * np.sqrt(patch.areas.max())), 2 * np.sqrt(patch.areas.min()))
-    size = np.column_stack([np.full(len(x), length), patch.areas / length])
-    corners = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    boxes = (patch.local[:, None] + size[:, None] * corners) * MM
+    faces = list(boxes(patch.local, patch.areas) * MM)
     axes.add_collection(
-        PolyCollection(list(boxes), facecolors=colours, edgecolors="white", linewidths=0.6)
+        PolyCollection(faces, facecolors=colours, edgecolors="white", linewidths=0.6)
     )
     axes.plot(0, 0, "+", color=theme.INK, ms=5, mew=0.7)
 
 
 def _note(axes: "Axes", text: str) -> None:
-    axes.text(0.03, 0.97, text, transform=axes.transAxes, ha="left", va="top", fontsize=6.5)
+    """Put a line above a panel."""
+    axes.text(0.0, 1.02, text, transform=axes.transAxes, ha="left", va="bottom", fontsize=6.5)
 
 
-def _legend(fig: "Figure", colours: dict[str, str], about: str) -> None:
+def _key(name: str, **style: Any) -> "Line2D":
     from matplotlib.lines import Line2D
 
-    keys = [Line2D([], [], color=c, marker="s", ls="", label=name) for name, c in colours.items()]
-    keys.append(Line2D([], [], ls="", label=f"{about}; the wheel rolls to the right"))
-    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys), columnspacing=1.2)
+    return Line2D([], [], label=name, **style)
+
+
+def _legend(fig: "Figure", keys: "list[Line2D]", about: str) -> None:
+    about = f"{about}; the wheel rolls to the right"
+    fig.legend(
+        handles=keys or [_key("", ls="")], title=about, title_fontsize=7,
+        loc="outside lower center", ncols=max(len(keys), 1),
+    )  # fmt: skip

@@ -88,7 +88,7 @@ def plotter(pixels: tuple[int, int]) -> Any:
     view: Any = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="light kit")
     view.set_background("white")
     view.enable_parallel_projection()
-    view.enable_anti_aliasing("ssaa")
+    view.enable_anti_aliasing("msaa")  # ssaa takes three times as long in software
     return view
 
 
@@ -140,7 +140,7 @@ def add_regions(view: Any, mesh: Any, *, edges: bool = True) -> None:
             show_edges=edges,
             edge_color=EDGE,
             edge_opacity=0.8,
-            line_width=2.2,
+            line_width=1.4,
             ambient=0.22,
             specular=0.0,
         )
