@@ -38,13 +38,18 @@ def examples(*lines: str) -> str:
 
 def load(scene: str, changes: list[str] | None) -> Scene:
     """Return the scene with the ``key=value`` changes of the command line."""
-    parsed: dict[str, Any] = {}
+    return Scene.load(scene, **parsed(changes))
+
+
+def parsed(changes: list[str] | None) -> dict[str, Any]:
+    """Return the ``key=value`` changes of the command line by key."""
+    found: dict[str, Any] = {}
     for change in changes or []:
         key, equals, text = change.partition("=")
         if not equals:
             raise SceneError(f"--set {change!r}: expected key.path=value")
-        parsed[key.strip()] = value_of(key.strip(), text)
-    return Scene.load(scene, **parsed)
+        found[key.strip()] = value_of(key.strip(), text)
+    return found
 
 
 def value_of(key: str, text: str) -> Any:
