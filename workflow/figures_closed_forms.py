@@ -163,7 +163,8 @@ def _bar(scene: "Scene", contact: Any) -> list[Curve]:
     from workflow.body_tables import Isotropic
     from workflow.sections import RigidWall
 
-    body, mesh = next(iter(scene.bodies.values())), scene.mesh
+    body = next(iter(scene.bodies.values()))
+    mesh: Any = scene.mesh
     speed = abs((body.velocity or (0.0,))[0])
     if not isinstance(contact.target, RigidWall) or not isinstance(body.material, Isotropic):
         return []

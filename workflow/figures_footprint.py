@@ -66,7 +66,7 @@ def footprints(record: Record) -> "Figure | None":
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
     rail = record.body.part(record.body.regions == Tag.RAIL_HEAD)
-    contact = undeformed(record, rail)
+    contact = undeformed(record, rail, next(iter(record.contacts.values())))
     every = np.vstack([p.position for output in contact.patches for p in output.values()])
     around = every[:, 0].min() - BEYOND, every[:, 0].max() + BEYOND
     along = rail.points[rail.cells, 0]
@@ -81,12 +81,11 @@ def footprints(record: Record) -> "Figure | None":
     return fig
 
 
-def undeformed(record: Record, rail: Body) -> Contact:
-    """Return the footprints where they lie on the undeformed rail.
+def undeformed(record: Record, rail: Body, contact: Contact) -> Contact:
+    """Return footprints where they lie on the undeformed rail.
 
     Each node is moved back by the displacement of the rail node next to it.
     """
-    contact = next(iter(record.contacts.values()))
     nodes = np.unique(rail.cells)
     outputs = []
     for t, patches in zip(contact.t, contact.patches, strict=True):
