@@ -14,7 +14,7 @@ import numpy as np
 
 from workflow import Scene
 from workflow.model import build
-from workflow.running import start
+from workflow.starting import start
 
 LOAD = 100e6  # [Pa]
 

@@ -16,7 +16,7 @@ import numpy as np
 from contact.closed_forms import contact_modulus, hertz_ellipse
 from workflow import Scene
 from workflow.model import build
-from workflow.running import start
+from workflow.starting import start
 
 if __name__ == "__main__":
     size = 1e-3 * float(sys.argv[1]) if len(sys.argv) > 1 else 1e-3

@@ -14,8 +14,8 @@ import tomli_w
 
 from workflow import Scene, run
 from workflow.model import Model, build
-from workflow.running import start
 from workflow.scene import SceneError
+from workflow.starting import start
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 SMALL = {

@@ -18,7 +18,7 @@ from workflow import Scene
 from workflow.guards import GuardError
 from workflow.model import Model, build
 from workflow.relaxation import SAFETY, damping_factor, masses
-from workflow.running import start
+from workflow.starting import start
 
 SCENES = {
     "hertz": {"mesh.size": 1e-3},

@@ -22,8 +22,8 @@ from meshes.tags import Tag
 from meshes.track import rail
 from workflow.equilibrium import equilibrium
 from workflow.model import Model, build
-from workflow.running import start
 from workflow.scene import Scene, SceneError
+from workflow.starting import start
 from workflow.stepping import central_difference
 from workflow.track import follow, sleeper_bodies
 

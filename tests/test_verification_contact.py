@@ -15,7 +15,7 @@ from contact import ContactPair
 from contact.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
 from workflow.model import Model, build
-from workflow.running import start
+from workflow.starting import start
 from workflow.stepping import central_difference
 
 E, NU, RHO = 210e9, 0.3, 7800.0

@@ -24,7 +24,7 @@ from contact.closed_forms import (
 )
 from workflow import Scene, run
 from workflow.model import Model, build
-from workflow.running import start
+from workflow.starting import start
 
 E, NU = 210e9, 0.3
 MODULUS = contact_modulus(E, NU, E, NU)

@@ -114,27 +114,29 @@ class InternalForce:
     def __init__(self, form: Any, space: Any, damped: bool, precision: str) -> None:
         self.kernel = CellKernel(form, precision)
         self.work = 0.0
-        self._own = la.vector(space.dofmap.index_map, 3) if damped else None
-        self._last: tuple[Array, Array] | None = None
+        index_map = space.dofmap.index_map
+        self._forces = [la.vector(index_map, 3) for _ in range(2)] if damped else []  # now, before
+        self._t: float | None = None
 
     @property
     def damped(self) -> bool:
         """Whether the work is counted."""
-        return self._own is not None
+        return bool(self._forces)
 
     def add(self, state: State, force: la.Vector) -> None:
         """Add this rank's cells; the work is that of the elastic and viscous stress together."""
-        if self._own is None:
+        if not self._forces:
             self.kernel.add(force)
             return
-        self._own.array[:] = 0.0
-        self.kernel.add(self._own)
-        force.array[:] += self._own.array
-        u, f = state.u.x.array.copy(), self._own.array.copy()
-        if self._last is not None:
-            u0, f0 = self._last
-            self.work -= float((f0 + f) @ (u - u0)) / 2
-        self._last = (u, f)
+        self._forces.reverse()
+        now, before = self._forces
+        now.array[:] = 0.0
+        self.kernel.add(now)
+        force.array[:] += now.array
+        if self._t is not None:
+            v = state.v.x.array  # what the nodes moved with since then
+            self.work -= (state.t - self._t) / 2 * float(now.array @ v + before.array @ v)
+        self._t = state.t
 
 
 def build(

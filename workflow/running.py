@@ -4,13 +4,12 @@
 import copy
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
-
-import numpy as np
 
 from forms.elements import Law
 from workflow import checkpoint, guards
@@ -18,15 +17,14 @@ from workflow.audit import audit
 from workflow.clock import Clock
 from workflow.contact_step import tell_offsets
 from workflow.energy import Energy, Ledger
-from workflow.geometry import cell_size
 from workflow.model import Model, build
-from workflow.moving import moves
 from workflow.outputs import output, summarise
 from workflow.progress import Progress
 from workflow.results import Results, check_free
 from workflow.scene import Scene, SceneError
 from workflow.snapshot import restore
-from workflow.stepping import central_difference
+from workflow.starting import check_apart, start
+from workflow.stepping import State, central_difference
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
@@ -51,6 +49,21 @@ class Result:
 
         with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
             return {name: data[:] for name, data in file["history"].items()}
+
+
+@dataclass
+class Job:
+    """A run under way: the model and all that is kept of it."""
+
+    model: Model
+    results: Results
+    ledger: Ledger
+    keeper: checkpoint.Keeper
+    clock: Clock
+    progress: Progress
+    energy: Energy | None = None
+    error: float = 0.0
+    summary: dict[str, Any] = field(default_factory=dict)
 
 
 def run(
@@ -84,6 +97,31 @@ def run(
     folder = checked(out, comm, resume)
     point = checkpoint.read(folder, comm) if resume else None
     clock, progress = Clock(), Progress(comm.rank == 0, quiet)
+    model = modelled(scene, point, comm, clock, progress, laws, friction)
+    results, ledger = Results(folder, scene, model.domain, point), Ledger(model)
+    progress.keep_in(folder / "run.log", go_on=point is not None)
+    keeper = checkpoint.Keeper(model, ledger, results, clock, point, began)
+    job = Job(model, results, ledger, keeper, clock, progress)
+    with concluded(job):
+        if point is None:
+            begin(job)
+        else:
+            take_up(job, point)
+        for job.energy, job.error in steps(job, watch, resumed=point is not None):
+            pass
+    return Result(folder, job.summary)
+
+
+def modelled(
+    scene: Scene,
+    point: checkpoint.Checkpoint | None,
+    comm: MPI.Comm,
+    clock: Clock,
+    progress: Progress,
+    laws: Mapping[str, Law] | None,
+    friction: "Mapping[str, FrictionLaw] | None",
+) -> Model:
+    """Return the model of a scene, checked against its checkpoint if it has one."""
     built = point.as_built(scene) if point else scene
     model = build(built, comm, progress.log, clock, laws, friction)
     model.scene = scene  # its mesh may be that of an earlier end
@@ -95,21 +133,15 @@ def run(
         point.fits(model)
     else:
         check_apart(model)
-    results, ledger = Results(folder, scene, model.domain, point), Ledger(model)
-    progress.keep_in(folder / "run.log", go_on=point is not None)
-    keeper = checkpoint.Keeper(model, ledger, results, clock, point, began)
-    energy, error, status = None, 0.0, "done"
+    return model
+
+
+@contextmanager
+def concluded(job: Job) -> Iterator[None]:
+    """Write the summary however the run inside ends; what stopped it becomes a GuardError."""
+    status, model = "done", job.model
     try:
-        if point is None:
-            for line in audit(model):
-                progress.note(line)
-            with clock.phase("equilibrium"):
-                start(model, progress.log)
-        else:
-            take_up(point, model, ledger, results, clock, progress)
-            energy, error = copy.copy(ledger).measure()  # the ledger itself has done so then
-        for energy, error in steps(model, results, ledger, keeper, clock, progress, watch, point):
-            pass
+        yield
     except guards.GuardError as stop:
         status = f"stopped: {stop}"
         raise
@@ -120,24 +152,21 @@ def run(
         status = f"failed: {type(failure).__name__}: {failure}"
         raise
     finally:
-        summary = summarise(model, energy, error, status, clock, keeper.wall)
-        conclude(results, summary, progress, model)
-    return Result(folder, summary)
+        job.summary = summarise(model, job.energy, job.error, status, job.clock, job.keeper.wall)
+        conclude(job)
 
 
-def conclude(
-    results: Results, summary: Mapping[str, Any], progress: Progress, model: Model
-) -> None:
+def conclude(job: Job) -> None:
     """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
     try:
-        results.append_samples(model.sampling)
-        results.summarise(summary)
+        job.results.append_samples(job.model.sampling)
+        job.results.summarise(job.summary)
     except RuntimeError as error:
-        if summary["status"] == "done":
+        if job.summary["status"] == "done":
             raise guards.GuardError(str(error)) from error
-        progress.log(f"summary.json not written: {error}")
+        job.progress.log(f"summary.json not written: {error}")
     finally:
-        progress.close()
+        job.progress.close()
 
 
 def checked(out: str | Path, comm: MPI.Comm, resume: bool = False) -> Path:
@@ -154,106 +183,38 @@ def checked(out: str | Path, comm: MPI.Comm, resume: bool = False) -> Path:
     return Path(out)
 
 
-def take_up(
-    point: checkpoint.Checkpoint,
-    model: Model,
-    ledger: Ledger,
-    results: Results,
-    clock: Clock,
-    progress: Progress,
-) -> None:
-    """Bring a model to the state of a checkpoint."""
-    restore(model, ledger, point.arrays)
+def begin(job: Job) -> None:
+    """Tell what the run will bear, bring the model to rest and set it in motion."""
+    for line in audit(job.model):
+        job.progress.note(line)
+    with job.clock.phase("equilibrium"):
+        start(job.model, job.progress.log)
+
+
+def take_up(job: Job, point: checkpoint.Checkpoint) -> None:
+    """Bring the model to the state of a checkpoint."""
+    restore(job.model, job.ledger, point.arrays)
     for phase, seconds in point.about["seconds"].items():
-        clock.seconds[phase] += seconds
-    ranks, state = point.about["ranks"], model.state
-    progress.log(f"resumed at step {state.step}, t = {state.t:.6e} s, written on {ranks} ranks")
-    for line in results.lost:
-        progress.log(line)
-
-
-def check_apart(model: Model) -> None:
-    """Refuse bodies that overlap by more than a hundredth of a cell before the run."""
-    size = cell_size(model.scene, model.domain.source)
-    limit, look = 0.01 * size, 50 * size
-    for name, pair in model.pairs.items():
-        depth, node, place = pair.penetration(model.state, look)
-        if depth > limit:
-            x, y, z = place
-            raise SceneError(
-                f"contacts.{name}: bodies overlap at the start by {depth:.3e} m at node {node} "
-                f"(x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m); expected at most {limit:.1e} m"
-            )
-
-
-def start(model: Model, log: Callable[[str], Any]) -> None:
-    """Bring the model to rest and set its initial velocities, as the scene asks."""
-    scene = model.scene
-    if scene.equilibrium is not None:
-        extra = np.zeros(0)
-        if scene.rolling is not None:
-            from workflow import rolling
-
-            extra = rolling.centrifugal(model)
-        if scene.equilibrium.method == "relaxation":
-            from workflow.relaxation import relaxation
-
-            relaxation(model, scene.equilibrium, extra, log)
-        else:
-            from workflow.equilibrium import equilibrium
-
-            equilibrium(model, scene.equilibrium, extra, log)
-    v = model.state.v.x.array.reshape(-1, 3)
-    for name, body in scene.bodies.items():
-        if body.velocity is not None:
-            v[model.body_dofs(name)] = body.velocity
-    model.supports(model.state.v.x)
-    if scene.rolling is not None:
-        from workflow import rolling
-
-        rolling.start(model)
-    if scene.driven or moves(scene):
-        from workflow import driven
-
-        driven.start(model)
-    model.state.v.x.scatter_forward()
+        job.clock.seconds[phase] += seconds
+    ranks, state = point.about["ranks"], job.model.state
+    job.progress.log(f"resumed at step {state.step}, t = {state.t:.6e} s, written on {ranks} ranks")
+    for line in job.results.lost:
+        job.progress.log(line)
+    job.energy, job.error = copy.copy(job.ledger).measure()  # the ledger itself has done so then
 
 
 def steps(
-    model: Model,
-    results: Results,
-    ledger: Ledger,
-    keeper: checkpoint.Keeper,
-    clock: Clock,
-    progress: Progress,
-    watch: Callable[[Model], None] | None,
-    point: checkpoint.Checkpoint | None = None,
+    job: Job, watch: Callable[[Model], None] | None, *, resumed: bool
 ) -> Iterator[tuple[Energy, float]]:
     """Step to the end; yield energies and balance error at every output."""
-    scene, state = model.scene, model.state
+    model, progress, state = job.model, job.progress, job.model.state
+    scene = model.scene
     per_output = round(scene.time.output_interval / model.dt)
-    last = round(scene.time.end / model.dt)
-    loads = [clock.timed(model.phase_of(add), add) for add in model.loads]
-    constraints = [clock.timed(model.phase_of(add), add) for add in model.last]
     for line in model.sampling.lines() if model.sampling is not None else ():
         progress.note(line)
-    progress.start(model, last)
-    loop = central_difference(
-        state,
-        model.mass.petsc_vec,
-        loads,
-        model.drives or model.supports,
-        model.dt,
-        last * model.dt,
-        model.connections.masses if model.connections is not None else None,
-        model.dead.nodal,
-        resumed=point is not None,
-        last=constraints,
-    )
-    began = time.perf_counter()
-    busy = sum(clock.seconds.values())
+    progress.start(model, round(scene.time.end / model.dt))
     watched = guards.Watch(model)
-    for _ in loop:
+    for _ in timed_steps(model, job.clock, resumed):
         guards.check_finite(model)
         if state.step == 0:
             tell_offsets(model, progress.log)
@@ -262,18 +223,35 @@ def steps(
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:
-            with clock.phase("output"):
-                energy, error = ledger.measure()
-                history = output(model, results, energy, error)
+            with job.clock.phase("output"):
+                energy, error = job.ledger.measure()
+                history = output(model, job.results, energy, error)
             progress.output(model, history)
             watched.check(error)
             yield energy, error
         elif state.step % scene.guards.check_interval == 0:
-            watched.check(ledger.measure()[1])
-        if told := keeper.step():
+            watched.check(job.ledger.measure()[1])
+        if told := job.keeper.step():
             progress.log(told)
         progress.step(state.step)
+    if told := job.keeper.end():
+        progress.log(told)
+
+
+def timed_steps(model: Model, clock: Clock, resumed: bool) -> Iterator[State]:
+    """Yield the states of the run; what neither loads nor others are timed for is ``update``."""
+    began, busy = time.perf_counter(), sum(clock.seconds.values())
+    yield from central_difference(
+        model.state,
+        model.mass.petsc_vec,
+        [clock.timed(model.phase_of(add), add) for add in model.loads],
+        model.drives or model.supports,
+        model.dt,
+        round(model.scene.time.end / model.dt) * model.dt,
+        model.connections.masses if model.connections is not None else None,
+        model.dead.nodal,
+        resumed=resumed,
+        last=[clock.timed(model.phase_of(add), add) for add in model.last],
+    )
     others = sum(clock.seconds.values()) - busy
     clock.seconds["update"] += time.perf_counter() - began - others
-    if told := keeper.end():
-        progress.log(told)
