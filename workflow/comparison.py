@@ -23,7 +23,8 @@ Row = dict[str, Any]
 SHOWN = {
     "cells": ("cells", "{:.0f}"),
     "steps": ("steps", "{:.0f}"),
-    "solve_seconds": ("solved in s", "{:.1f}"),
+    "wall_seconds": ("wall s", "{:.1f}"),
+    "processor_seconds": ("processor s", "{:.1f}"),
     "closed_form_error": ("error", "{:.2%}"),
     "balance_error": ("energy error", "{:+.0e}"),
     "normal_force": ("normal kN", "{:.2f}"),
@@ -31,6 +32,7 @@ SHOWN = {
     "theta_1": ("θ₁ °", "{:.0f}"),
     "theta_2": ("θ₂ °", "{:.0f}"),
 }
+TIMES = ("wall_seconds", "processor_seconds")  # the second hardly sees other work on the machine
 KILO = ("normal_force", "vertical_force")
 
 
@@ -64,11 +66,8 @@ def _row(folder: Path, name: str, about: Mapping[str, Any]) -> Row:
 
 def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield cost, energies and contact forces of a summary."""
-    seconds = summary["seconds_per_phase"]
-    for key in ("cells", "nodes", "steps", "dt", "dt_bound", "wall_seconds"):
-        yield key, summary[key]
-    # kernels are compiled once for all, and outputs are not what is compared
-    yield "solve_seconds", summary["wall_seconds"] - seconds["compile"] - seconds["output"]
+    for key in ("cells", "nodes", "steps", "dt", "dt_bound", *TIMES):
+        yield key, summary.get(key, math.nan)
     yield "cell_steps", summary["cells"] * summary["steps"]
     for key, value in (summary["energy"] or {}).items():
         yield (key if key == "balance_error" else f"{key}_energy"), value
@@ -109,7 +108,7 @@ def write(table: Sequence[Row], path: Path) -> Path:
     return path
 
 
-def front(table: Sequence[Row], cost: str = "solve_seconds") -> list[Row]:
+def front(table: Sequence[Row], cost: str = "processor_seconds") -> list[Row]:
     """Return the rows that no other beats in both error and cost, cheapest first."""
     able = [r for r in table if math.isfinite(r.get("closed_form_error", math.nan))]
 
@@ -138,7 +137,7 @@ def parameters(table: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(key for row in table for key in row if "." in key))
 
 
-def verdicts(table: Sequence[Row], cost: str = "solve_seconds") -> dict[str, str]:
+def verdicts(table: Sequence[Row], cost: str = "processor_seconds") -> dict[str, str]:
     """Return for each group with closed forms its front, and where the scene as shipped stands."""
     found = {}
     for group, own in grouped(table).items():

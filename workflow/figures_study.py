@@ -111,7 +111,7 @@ def convergence(table: Sequence[Row], records: Records) -> "Figure | None":
 
 
 def error_against_time(table: Sequence[Row], records: Records) -> "Figure | None":
-    """Error against the closed form over time of solution, and over cells times steps.
+    """Error against the closed form over processor time, and over cells times steps.
 
     A row of panels for each group; runs that no other beats in both make the front, in grey.
     """
@@ -120,7 +120,7 @@ def error_against_time(table: Sequence[Row], records: Records) -> "Figure | None
         return None
     fig = theme.figure(theme.PAGE, 2.3 * len(groups) + 0.3)
     panels = fig.subplots(len(groups), 2, squeeze=False, sharey="row")
-    costs = (("solve_seconds", "time of solution [s]"), ("cell_steps", "cells × steps"))
+    costs = (("processor_seconds", "processor time [s]"), ("cell_steps", "cells × steps"))
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for (group, own), line in zip(groups.items(), panels, strict=True):
         for axes, (cost, label) in zip(line, costs, strict=True):

@@ -79,6 +79,7 @@ def summarise(
         "dt": model.dt,
         "dt_bound": model.dt_bound,
         "wall_seconds": wall,
+        "processor_seconds": clock.processor,
         "seconds_per_phase": clock.seconds,
         "element_updates_per_second": len(mesh.cells) * model.state.step / max(stepping, 1e-9),
         "energy": columns(energy, error) if energy is not None else None,

@@ -240,7 +240,7 @@ class Sampling:
     def _waiting(self) -> dict[str, npt.NDArray[Any]]:
         """Return what waits by name, this rank's part of the motion."""
         arrays: dict[str, npt.NDArray[Any]] = {"t": np.array(self.t)}
-        arrays["motion"] = np.array(self.motion).reshape(-1, len(self.gauges), 3)
+        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.gauges), 3)
         for name, means in self.force.items():
             total, nodes, nodal = zip(*means, strict=True) if means else ((), (), ())
             arrays[f"{name}/total"] = np.array(total).reshape(-1, 2, 3)
