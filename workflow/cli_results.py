@@ -13,16 +13,26 @@ from workflow.scene import SceneError
 verbs = typer.Typer()
 
 
-@verbs.command(epilog=examples("squealx figures runs/bar-impact"))
+@verbs.command(
+    epilog=examples(
+        "squealx figures runs/bar-impact",
+        "squealx figures runs/steady-curving --modes runs/flange-transition-modes",
+    )
+)
 def figures(
-    folder: Annotated[Path, typer.Argument(help="Result folder of a run.")], as_json: Json = False
+    folder: Annotated[Path, typer.Argument(help="Result folder of a run.")],
+    modes: Annotated[
+        Path | None,
+        typer.Option(help="Folder of squealx modes to mark in spectra; SCENE-modes beside FOLDER."),
+    ] = None,
+    as_json: Json = False,
 ) -> None:
     """Draw the figures of a run into its folder figures/."""
     if not (folder / "results.h5").is_file():
         raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
     from workflow.figures import draw
 
-    paths = draw(folder)
+    paths = draw(folder, modes)
     if as_json:
         print(json.dumps({"figures": [str(p) for p in paths]}))
     else:

@@ -18,6 +18,8 @@ from workflow.figures_placement import placement
 from workflow.figures_pressure import pressure
 from workflow.figures_section import cross_section
 from workflow.figures_shear import adhesion, centre_line, shear_vectors
+from workflow.figures_spectra import modal_participation, sampled_forces, sampled_spectra
+from workflow.figures_transition import transition
 from workflow.recorded import Record
 
 if TYPE_CHECKING:
@@ -32,12 +34,16 @@ __all__ = [
     "energy",
     "footprints",
     "history",
+    "modal_participation",
     "model",
     "patch_forces",
     "patch_means",
     "placement",
     "pressure",
+    "sampled_forces",
+    "sampled_spectra",
     "shear_vectors",
+    "transition",
 ]
 
 FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
@@ -54,16 +60,25 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     energy,
     history,
     pressure,
+    sampled_forces,
+    sampled_spectra,
+    modal_participation,
 )
 
 
-def draw(folder: str | Path) -> list[Path]:
-    """Draw all figures of a result folder into its ``figures/`` and return their paths."""
-    record, paths = Record(folder), []
+def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:
+    """Draw all figures of a result folder into its ``figures/`` and return their paths.
+
+    Args:
+        folder: Result folder of a run.
+        modes: Folder of natural modes that its spectra are drawn with; one beside it if None.
+    """
+    record, paths = Record(folder, modes), []
     with theme.style():
         for figure in FIGURES:
             fig = figure(record)
             if fig is not None:
                 path = record.folder / "figures" / f"{figure.__name__}.png"
                 paths.append(theme.save(fig, path))
-    return paths
+        animated = transition(record)
+    return paths if animated is None else [*paths, animated]

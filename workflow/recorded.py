@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from contact.footprint import frame_of
 from meshes.tags import NAMES, Tag
+from workflow.scene import Scene
 
 Array = npt.NDArray[np.float64]
 
@@ -167,11 +168,20 @@ class Body:
 
 
 class Record:
-    """The files of a result folder, each read when it is first asked for."""
+    """The files of a result folder, each read when it is first asked for.
 
-    def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
+    Attributes:
+        modes: Folder of natural modes that were given with it, if any.
+    """
+
+    def __init__(self, folder: str | Path, modes: Path | None = None) -> None:
+        self.folder, self.modes = Path(folder), modes
         self.scene: dict[str, Any] = tomllib.loads((self.folder / "scene.toml").read_text("utf-8"))
+
+    @cached_property
+    def checked(self) -> Scene:
+        """The scene as checked models."""
+        return Scene.check(self.scene)
 
     @property
     def wheel_on_rail(self) -> bool:

@@ -3,7 +3,8 @@
 
 ``/probes`` holds ``t`` (middle of each window), ``motion/NAME`` of each probe, and for each pair
 ``contact/PAIR/normal_force`` and ``tangential_force`` on the contactor; ``contact/PAIR/nodal`` has
-the same by node: ``count`` nodes for each sample, their numbers and forces one behind the other.
+the same by node: ``count`` nodes for each sample, their numbers and forces one behind the other,
+and ``contact/PAIR/surface`` the nodes of the contactor with their reference positions.
 """
 
 from dataclasses import dataclass
@@ -31,6 +32,9 @@ class PairSamples:
         start: First row of each sample among the nodes, and their number, shape ``(k + 1,)``.
         node: Mesh nodes, shape ``(m,)``.
         pressing, traction: Their normal and tangential forces, shape ``(m, 3)`` [N].
+        body: Body of the contactor.
+        surface: Its mesh nodes, ascending, shape ``(nc,)``.
+        places: Their reference positions, shape ``(nc, 3)`` [m].
     """
 
     normal: Array
@@ -39,6 +43,13 @@ class PairSamples:
     node: npt.NDArray[np.int64]
     pressing: Array
     traction: Array
+    body: str
+    surface: npt.NDArray[np.int64]
+    places: Array
+
+    def reference(self, nodes: npt.NDArray[np.int64]) -> Array:
+        """Return the reference positions of mesh nodes of the contactor, shape ``(k, 3)`` [m]."""
+        return np.asarray(self.places[np.searchsorted(self.surface, nodes)])
 
     @property
     def sample(self) -> npt.NDArray[np.int64]:
@@ -56,6 +67,7 @@ class Samples:
         motion: Of each probe, shape ``(k, 3)``, in the unit of its quantity.
         quantity: Of each probe.
         place: Reference position of each probe, shape ``(3,)`` [m].
+        body: Body of each probe.
         pairs: Contact pairs by name.
         spin: Angular velocity of the wheelset, shape ``(3,)`` [rad/s]; zero without rolling.
         centre: Its centre at the start, shape ``(3,)`` [m].
@@ -66,6 +78,7 @@ class Samples:
     motion: dict[str, Array]
     quantity: dict[str, str]
     place: dict[str, Array]
+    body: dict[str, str]
     pairs: dict[str, PairSamples]
     spin: Array
     centre: Array
@@ -93,8 +106,11 @@ def append(file: Any, sampling: "Sampling", arrays: dict[str, npt.NDArray[Any]])
             data.attrs["quantity"] = kind
             data.attrs["nodes"] = len(gauge.nodes)
             data.attrs["place"] = points[gauge.nodes].mean(axis=0)
+            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
     for name in sampling.touches:
         group = root.require_group(f"contact/{name}")
+        if "surface" not in group:
+            describe_surface(group, sampling, name)
         total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
         _extend(group, "normal_force", total[:, 0], "N")
         _extend(group, "tangential_force", total[:, 1], "N")
@@ -112,6 +128,22 @@ def describe_rolling(root: Any, sampling: "Sampling") -> None:
 
         root.attrs["spin"] = spin(model)
         root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
+
+
+def describe_surface(group: Any, sampling: "Sampling", pair: str) -> None:
+    """Note body, nodes and reference positions of the contactor of a pair."""
+    contactor = sampling.touches[pair].side.contactor
+    order = np.argsort(contactor.nodes)
+    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
+    group["surface/node"] = contactor.nodes[order].astype(np.int32)
+    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
+
+
+def body_of(sampling: "Sampling", node: int) -> str:
+    """Return the name of the body that a mesh node belongs to."""
+    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
+    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
+    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])
 
 
 def cut(file: Any, rows: int) -> None:
@@ -148,6 +180,7 @@ def read(folder: Path) -> Samples | None:
             motion={name: data[:] for name, data in motion.items()},
             quantity={name: str(data.attrs["quantity"]) for name, data in motion.items()},
             place={name: np.asarray(data.attrs["place"]) for name, data in motion.items()},
+            body={name: str(data.attrs["body"]) for name, data in motion.items()},
             pairs={name: _pair(group) for name, group in root.get("contact", {}).items()},
             spin=np.asarray(root.attrs.get("spin", np.zeros(3))),
             centre=np.asarray(root.attrs.get("centre", np.zeros(3))),
@@ -163,6 +196,9 @@ def _pair(group: Any) -> PairSamples:
         node=nodal["node"][:].astype(np.int64),
         pressing=nodal["normal_force"][:].astype(np.float64),
         traction=nodal["tangential_force"][:].astype(np.float64),
+        body=str(group.attrs["body"]),
+        surface=group["surface/node"][:].astype(np.int64),
+        places=group["surface/place"][:],
     )
 
 

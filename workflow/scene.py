@@ -27,7 +27,7 @@ from workflow.sections import (
     Support,
     Time,
 )
-from workflow.track_tables import Absorbing, Track, Vehicle
+from workflow.track_tables import Absorbing, Spring, Track, Vehicle
 
 
 class SceneError(ValueError):
@@ -50,6 +50,7 @@ class Scene(Section):
     supports: list[Support] = Field(default_factory=list)
     loads: list[Load] = Field(default_factory=list)
     driven: dict[str, Driven] = Field(default_factory=dict)
+    springs: list[Spring] = Field(default_factory=list)
     absorbing: list[Absorbing] = Field(default_factory=list)
     rolling: Rolling | None = None
     vehicle: Vehicle | None = None
@@ -87,10 +88,9 @@ class Scene(Section):
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
         sampled = self.output.sample_interval
-        if sampled is not None and sampled > self.time.output_interval:
+        if sampled is not None and sampled > self.time.end:
             raise ValueError(
-                f"output.sample_interval = {sampled}: expected at most "
-                f"time.output_interval = {self.time.output_interval} s"
+                f"output.sample_interval = {sampled}: expected at most time.end = {self.time.end} s"
             )
         if self.time.output_interval > self.time.end:
             raise ValueError(
@@ -167,7 +167,7 @@ class Scene(Section):
         hold = self.equilibrium.hold if self.equilibrium else []
         lists: dict[str, list[Any]]
         lists = {"supports": self.supports, "loads": self.loads, "equilibrium.hold": hold}
-        lists["absorbing"] = self.absorbing
+        lists |= {"springs": self.springs, "absorbing": self.absorbing}
         for key, entries in lists.items():
             for i, entry in enumerate(entries):
                 yield f"{key}.{i}.surface", entry.surface
