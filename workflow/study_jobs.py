@@ -3,6 +3,7 @@
 
 import importlib.util
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -94,12 +95,18 @@ def work(
             stdout=log,
             stderr=subprocess.STDOUT,
             pass_fds=(lock.fileno(),),  # held for as long as Snakemake is alive
+            start_new_session=True,  # so that it is interrupted once, below
         )
+        before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             _follow(process, runs, folder, console, began)
-        except KeyboardInterrupt:
-            process.wait()  # it was interrupted as well, and ends its jobs
+        except BaseException:
+            process.send_signal(signal.SIGINT)  # it ends its jobs; their checkpoints stay
+            process.wait()
+            console.print("stopped; the same command goes on from here")
             raise
+        finally:
+            signal.signal(signal.SIGTERM, before)
     failed = [run.name for run in runs if not study_folder.done(folder, run.name)]
     undrawn = [n for n in _undrawn(runs, folder) if n not in failed]
     if undrawn:
@@ -150,7 +157,8 @@ def _follow(
                     line.console.print(f"{name}: {word}", highlight=False, soft_wrap=True)
             going = [f"{n} {s:.0%}" for n, s in shares.items() if 0 < s < 1 and n not in told]
             whole = sum(1.0 if n in told else s for n, s in shares.items())
-            line.update(task, completed=whole, active=", ".join(going[:3]), refresh=True)
+            active = ", ".join(going[:3]) or ("figures" if whole == len(left) else "")
+            line.update(task, completed=whole, active=active, refresh=True)
             if ended:
                 return
             time.sleep(POLL)
