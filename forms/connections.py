@@ -175,7 +175,7 @@ class Connections:
             link.add(state.u.x.array, state.v.x.array, force.array, reaction, dt)
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, reaction)
-        self.masses.force[:] = reaction + self.masses.base_force()
+        self.masses.take(reaction + self.masses.base_force(), dt)
 
     def stored_energy(self, u: Array) -> float:
         """Energy of all springs less the work of gravity on the point masses [J]."""

@@ -16,10 +16,11 @@ class PointMasses:
     Attributes:
         mass: Mass of each, shape ``(m,)`` [kg].
         gravity: Acceleration of gravity, shape ``(3,)`` [m/s²].
-        free: 1 where a component may move, 0 where it is held, shape ``(m, 3)``.
+        free: 1 where a component may move, 0 where it keeps its velocity, shape ``(m, 3)``.
         base: Stiffness and damping of each to the ground, shapes ``(m, 3)`` [N/m], [N s/m].
         u, v: Displacement at t and velocity at t − dt/2, shape ``(m, 3)`` [m], [m/s].
         force: Force of this step, shape ``(m, 3)`` [N].
+        work: Done so far by what keeps components at their velocity [J].
     """
 
     mass: Array
@@ -31,13 +32,23 @@ class PointMasses:
     v: Array = field(init=False)
     force: Array = field(init=False)
     dissipation: float = 0.0
+    work: float = 0.0
     _damping: Array = field(init=False, repr=False)
+    _kept: Array | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.u = np.zeros((len(self.mass), 3))
         self.v = np.zeros_like(self.u)
         self.force = np.zeros_like(self.u)
         self._damping = np.zeros_like(self.u)
+
+    def take(self, force: Array, dt: float) -> None:
+        """Take the force of this step ``(m, 3)`` [N], ``dt`` [s] after that of the last one."""
+        kept = (self.free - 1) * force
+        if self._kept is not None:
+            self.work += damper_work(self._kept, kept, self.v, dt)
+        self._kept = kept
+        self.force[:] = force
 
     def base_force(self) -> Array:
         """Weight and force of the springs and dampers to the ground, shape ``(m, 3)`` [N]."""
@@ -73,7 +84,7 @@ class PointMasses:
 
 
 def damper_work(before: Array, force: Array, rate: Array, dt: float) -> float:
-    """Energy taken by dampers over a step [J].
+    """Energy taken by dampers, or work of other forces, over a step [J].
 
     Half the forces at its two ends times the way ``dt · rate`` between them: counted like this, the
     ledger of a linear problem closes to round-off.

@@ -17,7 +17,8 @@ class Energy:
     their mean is larger by ``m (dt a)² / 8`` and rings by that much).
     ``contact`` is stored in contact springs, normal and tangential ones, ``spring`` in connections
     (weight of point masses included). Dissipations and works are sums since time zero.
-    ``external_work`` is that of dead loads and drive torque. ``hourglass`` is that of the control
+    ``external_work`` is that of dead loads, drive torque and
+    of all that moves at a given speed. ``hourglass`` is that of the control
     of one-point cells.
     """
 
@@ -94,12 +95,12 @@ class Ledger:
             damping += comm.allreduce(m.viscosity.work)
         if m.damping is not None:
             damping += comm.allreduce(m.damping.dissipation)
-        spring = 0.0
+        spring, work = 0.0, m.dead.work(u)
         if m.connections is not None:
             spring = m.connections.stored_energy(u)
             damping += m.connections.dissipation()
+            work += m.connections.masses.work
             kinetic += m.connections.masses.kinetic_energy(m.dt)
-        work = m.dead.work(u)
         if m.drive is not None:
             work += comm.allreduce(m.drive.work)
         if m.drives is not None:

@@ -39,7 +39,7 @@ def collect(model: "Model", ledger: "Ledger", trackers: Mapping[str, Any]) -> Ar
     if model.connections is not None:
         masses = model.connections.masses
         arrays |= {"masses/u": masses.u, "masses/v": masses.v}
-        arrays["masses/dissipation"] = np.array(masses.dissipation)  # alike on all ranks
+        arrays["masses/sums"] = np.array([masses.dissipation, masses.work])  # alike on all ranks
     if model.drive is not None:
         arrays["drive/torque"] = np.array(model.drive.torque)
     if model.drives is not None:
@@ -64,7 +64,7 @@ def restore(model: "Model", ledger: "Ledger", arrays: Arrays) -> None:
     if model.connections is not None:
         masses = model.connections.masses
         masses.u[:], masses.v[:] = arrays["masses/u"], arrays["masses/v"]
-        masses.dissipation = float(arrays["masses/dissipation"])
+        masses.dissipation, masses.work = map(float, arrays["masses/sums"])
     if "drive/torque" in arrays:
         from workflow.attachments import drive
 

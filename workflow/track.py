@@ -17,7 +17,7 @@ from meshes.domain import Domain
 from workflow.scene import Scene, SceneError
 from workflow.sections import Support
 from workflow.surfaces import area_shares, facets, surface_nodes
-from workflow.track_tables import Absorbing, Track, Vehicle
+from workflow.track_tables import Absorbing, Track
 
 if TYPE_CHECKING:
     from workflow.model import Model
@@ -27,10 +27,11 @@ Index = npt.NDArray[np.int64]
 Seat = tuple[Index, Array]
 
 UP = np.array([0.0, 0.0, 1.0])
+ANCHOR = 1e-9  # mass of a point at a given speed [kg]: it does not matter, but is divided by
 
 
 def connections(scene: Scene, domain: Domain) -> Connections | None:
-    """Return sprung mass on its suspension, and rail on pads, sleepers and ballast; or nothing.
+    """Return springs, mass on its suspension, rail on pads, sleepers and ballast; or nothing.
 
     Their step is set when it is known: the springs have a part in it.
 
@@ -38,7 +39,7 @@ def connections(scene: Scene, domain: Domain) -> Connections | None:
         SceneError: naming the key of the track that does not fit its mesh.
     """
     track, vehicle = scene.track, scene.vehicle
-    if not (vehicle or track or scene.absorbing):
+    if not (vehicle or track or scene.absorbing or scene.springs):
         return None
     links: list[Link] = []
     under: list[Seat] = []
@@ -53,8 +54,13 @@ def connections(scene: Scene, domain: Domain) -> Connections | None:
     if track is not None and track.ends == "absorbing":
         boundaries = [*boundaries, Absorbing(surface=track.end_surface, waves="bar")]
     links += [dashpots(scene, domain, entry) for entry in boundaries]
+    first = len(masses.mass) - len(scene.springs)
+    for point, spring in enumerate(scene.springs, first):
+        stiffness, damping = np.array(spring.stiffness), np.array(spring.damping)
+        links.append(mean(domain, spring.surface, point, stiffness, damping, masses))
     if vehicle is not None:
-        links.append(suspension(vehicle, domain, masses))
+        k, c = UP * vehicle.suspension_stiffness, UP * vehicle.suspension_damping
+        links.append(mean(domain, vehicle.journal, first - 1, k, c, masses))
     return Connections(domain.msh.comm, masses, links, dt=0.0)
 
 
@@ -67,7 +73,7 @@ def end_supports(scene: Scene) -> list[Support]:
 
 
 def point_masses(scene: Scene, seated: int) -> PointMasses:
-    """Return sleepers that are point masses on their ballast, and the sprung mass behind them."""
+    """Return sleepers that are point masses on their ballast, the sprung mass, ends of springs."""
     track = scene.track
     mass = np.full(seated, track.sleeper_mass if track and seated else 0.0)
     k = np.outer(np.full(seated, track.ballast_stiffness if track else 0.0), UP)
@@ -75,23 +81,22 @@ def point_masses(scene: Scene, seated: int) -> PointMasses:
     if scene.vehicle:
         mass = np.append(mass, scene.vehicle.sprung_mass)
         k, c = np.vstack([k, np.zeros(3)]), np.vstack([c, np.zeros(3)])
-    gravity = np.array(scene.gravity or (0.0, 0.0, 0.0))
-    return PointMasses(mass, gravity, np.outer(np.ones(len(mass)), UP), k, c)
+    gravity, ends = np.array(scene.gravity or (0.0, 0.0, 0.0)), np.zeros((len(scene.springs), 3))
+    free = np.vstack([np.outer(np.ones(len(mass)), UP), ends])
+    mass = np.append(mass, np.full(len(ends), ANCHOR))
+    masses = PointMasses(mass, gravity, free, np.vstack([k, ends]), np.vstack([c, ends]))
+    masses.v[len(mass) - len(ends) :] = [s.velocity for s in scene.springs] or ends
+    return masses
 
 
-def suspension(vehicle: Vehicle, domain: Domain, masses: PointMasses) -> Mean:
-    """Return the primary suspension between the journal and the last point mass."""
-    nodes, share = area_shares(domain, facets(domain, vehicle.journal))
+def mean(
+    domain: Domain, surface: str, point: int, stiffness: Array, damping: Array, masses: PointMasses
+) -> Mean:
+    """Return a spring and damper between the mean motion of a surface and a point mass."""
+    nodes, share = area_shares(domain, facets(domain, surface))
     dofs = domain.local_dofs(nodes)
-    return Mean(
-        domain.msh.comm,
-        dofs[dofs >= 0],
-        share[dofs >= 0],
-        len(masses.mass) - 1,
-        UP * vehicle.suspension_stiffness,
-        UP * vehicle.suspension_damping,
-        masses,
-    )
+    here = dofs >= 0
+    return Mean(domain.msh.comm, dofs[here], share[here], point, stiffness, damping, masses)
 
 
 def seat(track: Track, domain: Domain, centre: float) -> Seat:

@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from workflow.quantities import Damping, Length, Mass, Stiffness
+from workflow.quantities import Damping, Length, Mass, Speed, Stiffness
 from workflow.sections import Section
 
 
@@ -51,6 +51,19 @@ class Track(Section):
                 f"{' and '.join(point)} (point masses), got {', '.join(sorted(given)) or 'neither'}"
             )
         return self
+
+
+class Spring(Section):
+    """A spring and damper from the mean motion of a surface to a point.
+
+    The point stands still until time zero and moves with ``velocity`` from then on. Stiffness and
+    damping are those along x, y and z; bodies at their places in the mesh do not stretch it.
+    """
+
+    surface: str
+    stiffness: tuple[Stiffness, Stiffness, Stiffness]
+    damping: tuple[Damping, Damping, Damping] = (0.0, 0.0, 0.0)
+    velocity: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
 
 
 class Absorbing(Section):
