@@ -27,8 +27,9 @@ KINDS = {
     "along x": "#3a8f3a", "along y": "#e07b00", "along z": "#0b6e99",
 }  # fmt: skip
 SMALL = 1e-6  # of the largest force or density: not drawn
-NAMED = 8  # modes of most energy that are labelled
-FOLLOWED = 5  # of them drawn over time
+NAMED = 14  # modes of most energy that are labelled
+APART = 0.04  # of the range: names are no closer
+BANDS = 5  # the strongest mode of each is drawn over time
 
 
 def sampled_forces(record: Record) -> "Figure | None":
@@ -186,7 +187,7 @@ def modal_participation(record: Record) -> "Figure | None":
         stems(left, by_mode, peak)
         over_time(right, part, by_mode, peak)
         theme.letter(left, "a", f"{name}: largest vibration energy of each mode")
-        theme.letter(right, "b", "the strongest over time")
+        theme.letter(right, "b", "the strongest of each band over time")
     fig.suptitle(described(modes.summary), x=0.01, ha="left", fontsize=7)
     return fig
 
@@ -200,11 +201,12 @@ def stems(axes: "Axes", by_mode: list[tuple[dict[str, Any], Array]], peak: Array
         colour = KINDS[kind]
         axes.vlines(f[mine], floor, peak[mine], color=colour, lw=0.9)
         axes.plot(f[mine], peak[mine], "o", color=colour, ms=2.5, label=kind)
-    for i in np.argsort(peak)[::-1][:NAMED]:
-        axes.annotate(
-            label(by_mode[i][0]), (f[i], peak[i]), (0, 3), textcoords="offset points",
-            ha="center", fontsize=6,
-        )  # fmt: skip
+    named: list[int] = []
+    for i in np.argsort(peak)[::-1]:
+        if len(named) < NAMED and all(abs(f[i] - f[j]) > APART * f.max() for j in named):
+            named.append(int(i))
+            at, text = (f[i], peak[i]), label(by_mode[i][0])
+            axes.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=6)
     axes.set_yscale("log")
     axes.set_ylim(floor, 5 * peak.max())
     axes.set_xlim(left=0)
@@ -215,18 +217,21 @@ def stems(axes: "Axes", by_mode: list[tuple[dict[str, Any], Array]], peak: Array
 def over_time(
     axes: "Axes", part: Participation, by_mode: list[tuple[dict[str, Any], Array]], peak: Array
 ) -> None:
-    """Draw the vibration energy of the strongest modes over time."""
-    scale, unit = theme.prefixed(part.t, "s")
-    shades = np.linspace(0.05, 0.8, FOLLOWED)
+    """Draw the vibration energy of the strongest mode of each band of frequencies over time."""
     import matplotlib as mpl
 
-    for shade, i in zip(shades, np.argsort(peak)[::-1], strict=False):
+    scale, unit = theme.prefixed(part.t, "s")
+    f = np.array([row["frequency"] for row, _ in by_mode])
+    band = np.minimum(f / f.max() * BANDS, BANDS - 1).astype(int)
+    for k in np.unique(band):
+        i = int(np.argmax(np.where(band == k, peak, -1.0)))
         row, energy = by_mode[i]
         name = f"{row['frequency'] / 1e3:.2f} kHz {label(row)}"
-        axes.plot(part.t * scale, energy, color=mpl.colormaps["viridis"](shade), lw=1, label=name)
+        colour = mpl.colormaps["viridis"](0.9 * k / BANDS)
+        axes.semilogy(part.t * scale, energy, color=colour, lw=0.9, label=name)
     axes.set(xlabel=f"time [{unit}]", ylabel="energy [J]")
-    axes.set_ylim(0, 1.75 * max(peak.max(), 1e-30))
-    axes.legend(loc="upper left")
+    axes.set_ylim(peak.max() * 1e-7, peak.max() * 1e3)
+    axes.legend(loc="upper left", ncols=2, columnspacing=0.8)
 
 
 def label(row: dict[str, Any]) -> str:
@@ -241,7 +246,7 @@ def described(summary: dict[str, Any]) -> str:
     """Return in words which modes they are and what the energy is."""
     held = {"wheel_bore": "bore clamped"}.get(summary["held"], summary["held"])
     wheel = any(row["diameters"] is not None for row in summary["modes"])
-    named = "; (n, m): nodal diameters, nodal circles; both modes of a pair together" * wheel
+    named = ";\n(n, m): nodal diameters, nodal circles; both modes of a pair together" * wheel
     return (
         f"modes of {summary['part']}, {held}, undamped; vibration about the quasi-static motion, "
         f"none at the start{named}"
