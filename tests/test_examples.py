@@ -105,7 +105,7 @@ def test_kalker_creepage_ends_on_his_coefficient():
 
 @pytest.mark.slow
 def test_error_against_time_falls_with_the_mesh(tmp_path):
-    """Hertz at 0.5 mm has half the pressure error of 1 mm or less, at every spring; a figure."""
+    """Hertz at 0.5 mm has half the pressure error of 1 mm or less; a bar leaves in time; a figure."""
     pytest.importorskip("matplotlib")
     lines = printed("error_against_time.py", tmp_path, "--quick").splitlines()[1:]
     rows = [
@@ -115,18 +115,7 @@ def test_error_against_time_falls_with_the_mesh(tmp_path):
     assert len(sphere) == 6 and len(rows) == 10
     for coarse, fine in zip(sphere[::2], sphere[1::2], strict=True):
         assert coarse[1:3] == (1.0, fine[2]) and fine[3] <= coarse[3] / 2
-    assert all(row[3] < 0.5 for row in rows if row[0] == "bar")
+    for _, size, safety, error, *_ in (row for row in rows if row[0] == "bar"):
+        transit = 100 * size / 200  # of a cell, in percent of 2 L/c, L = 100 mm
+        assert error < (transit if safety == 0.5 else 2 * transit)  # row 8; a softer spring
     assert (tmp_path / "error_against_time.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_contact_error_against_time_names_a_front(tmp_path):
-    """Hertz's pressure at 0.7 mm has half the error of 1.4 mm or less; both fronts; a figure."""
-    pytest.importorskip("matplotlib")
-    lines = printed("contact_error_against_time.py", tmp_path, "--quick").splitlines()
-    errors = [float(line.split()[3].rstrip("%")) for line in lines if line.startswith("hertz")]
-    assert len(errors) == 2 and errors[0] <= errors[1] / 2
-    assert all(
-        any(line.startswith(f"front of {case}: ") for line in lines) for case in ("bar", "hertz")
-    )
-    assert (tmp_path / "contact_error_against_time.png").stat().st_size > 10_000

@@ -37,7 +37,7 @@ MEASURES = (
     ("vertical_force", 1e-3, "vertical force", "force [kN]"),
     ("normal_force", 1e-3, "normal force", "force [kN]"),
     ("angle", 1.0, "contact angle", "to the vertical [°]"),
-    ("shear_angle", 1.0, "angle θ of the mean shear", "from −longitudinal [°]"),
+    ("shear_angle", 1.0, "shear angle θ", "from −longitudinal [°]"),
 )
 
 
@@ -78,7 +78,8 @@ def shear_of_patches(table: Sequence[Row], records: Records) -> "Figure | None":
 def convergence(table: Sequence[Row], records: Records) -> "Figure | None":
     """Forces and angles of both patches over time for every run, and their means over a parameter.
 
-    The parameter is ``mesh.size`` if it varies, else the first that is a number.
+    A patch has its means over the outputs at which it is there. The parameter is ``mesh.size`` if
+    it varies, else the first that is a number.
     """
     found, key = _contacts(table, records), _number(table)
     if not found or key is None:
@@ -90,16 +91,17 @@ def convergence(table: Sequence[Row], records: Records) -> "Figure | None":
     at, x_unit = _scaled(key, [row.get(key) for row in rows.values()])
     for column, (quantity, factor, title, label) in enumerate(MEASURES):
         upper, lower = panels[:, column]
+        means: dict[int, list[tuple[float, float, Any]]] = {1: [], 2: []}
         for colour, (name, contact) in zip(_colours(len(found)), found, strict=True):
-            for place in (1, 2):
+            for place, points in means.items():
                 _curve(upper, contact, place, quantity, scale, factor, colour)
-                x = rows[name].get(key)
                 series = contact.series(place, quantity) * factor
-                if x is not None and np.isfinite(series).any():
-                    mark = MARK[place]
-                    lower.plot(x * at, np.nanmean(series), mark, color=colour, ms=5)
+                if np.isfinite(series).any() and key in rows[name]:
+                    points.append((rows[name][key] * at, float(np.nanmean(series)), colour))
+        for place, points in means.items():
+            _joined(lower, sorted(points, key=lambda point: point[0]), place)
         theme.letter(upper, "abcd"[column], title)
-        theme.letter(lower, "efgh"[column], "mean over the run")
+        theme.letter(lower, "efgh"[column], "mean while there")
         for axes in (upper, lower):
             axes.set_ylabel(label)
         upper.set_xlabel(f"time [{unit}]")
@@ -181,6 +183,15 @@ def _curve(
     if np.isfinite(values).any():
         marker = MARK[place] if len(values) <= 40 else ""
         axes.plot(contact.t * scale, values, LINE[place], color=colour, marker=marker, ms=2.8)
+
+
+def _joined(axes: "Axes", points: Sequence[tuple[float, float, Any]], place: int) -> None:
+    """Draw points of several colours, joined by a thin line."""
+    axes.plot(
+        [p[0] for p in points], [p[1] for p in points], LINE[place], color=theme.FAINT, lw=0.8
+    )
+    for x, y, colour in points:
+        axes.plot(x, y, MARK[place], color=colour, ms=5)
 
 
 def _errors(axes: "Axes", own: Sequence[Row], cost: str) -> None:

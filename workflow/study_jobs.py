@@ -157,8 +157,8 @@ def _follow(
                     line.console.print(f"{name}: {word}", highlight=False, soft_wrap=True)
             going = [f"{n} {s:.0%}" for n, s in shares.items() if 0 < s < 1 and n not in told]
             whole = sum(1.0 if n in told else s for n, s in shares.items())
-            active = ", ".join(going[:3]) or ("figures" if whole == len(left) else "")
-            line.update(task, completed=whole, active=active, refresh=True)
+            words = ", ".join(going[:3]) or ("figures" if whole == len(left) else "")
+            line.update(task, completed=whole, active=words, refresh=True)
             if ended:
                 return
             time.sleep(POLL)
