@@ -30,6 +30,8 @@ def figures(
     """Draw the figures of a run into its folder figures/."""
     if not (folder / "results.h5").is_file():
         raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
+    if modes is not None and not (modes / "modes.json").is_file():
+        raise SceneError(f"--modes {str(modes)!r}: expected a folder of squealx modes")
     from workflow.figures import draw
 
     paths = draw(folder, modes)
