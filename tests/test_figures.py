@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Figures are drawn from a result folder alone; patches keep their number and their forces."""
 
+import itertools
 from pathlib import Path
 
 import h5py
@@ -19,8 +20,11 @@ from workflow.scene import Scene
 pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 
+from PIL import Image, ImageSequence
+
 from workflow import figures, theme
 from workflow.figures_footprint import development
+from workflow.figures_nodes import surface_nodes
 from workflow.figures_section import cut, telling_output
 from workflow.recorded import RAIL, Record, patches_of
 from workflow.running import run
@@ -201,8 +205,13 @@ def test_transition_has_all_figures(transition):
     paths = figures.draw(transition)
     names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "patch_forces"]
     names += ["patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
-    assert [p.name for p in paths] == [f"{n}.png" for n in names]
-    assert all(p.parent == transition / "figures" and not_blank(p) for p in paths)
+    assert [p.name for p in paths] == [*(f"{n}.png" for n in names), "transition.gif"]
+    assert all(p.parent == transition / "figures" and not_blank(p) for p in paths[:-1])
+    frames = ImageSequence.Iterator(Image.open(paths[-1]))
+    pictures = [np.asarray(f.convert("RGB"), dtype=int) for f in frames]
+    assert len(pictures) == OUTPUTS and paths[-1].stat().st_size < 3e6
+    moved = [(a != b).any(axis=-1).mean() for a, b in itertools.pairwise(pictures)]
+    assert min(moved) > 1e-3  # of the pixels: footprints and the mark of time
 
 
 def test_patches_keep_place_and_force(transition):
@@ -264,6 +273,15 @@ def test_cut_has_wheel_above_rail(transition):
     assert rail[:, 1].max() == pytest.approx(0, abs=1e-4)
     assert -0.030 < wheel[:, 1].min() < -0.025
     assert len(polygons) > 100 and set(RAIL) >= {Tag.RAIL_HEAD}
+
+
+def test_surface_nodes_are_those_of_the_outer_faces():
+    """4 x 3 x 2 cells: all nodes but the 3 x 2 x 1 inside; a plane of them has none inside."""
+    layers = [np.stack(np.mgrid[:5, :4, k : k + 1], -1)[:, :, 0] * 1.0 for k in range(3)]
+    mesh = swept(layers, Tag.BLOCK)
+    inside = np.setdiff1d(np.arange(len(mesh.points)), surface_nodes(mesh.cells))
+    assert len(inside) == 6
+    np.testing.assert_array_equal(np.unique(mesh.points[inside, 2]), [1.0])
 
 
 def test_small_scenes_have_what_they_have(tmp_path):

@@ -213,10 +213,12 @@ def _creep(record: Record, bodies: Smooth, pair: str) -> list[Curve]:
     from contact import kalker
     from contact.closed_forms import carter_creepage
 
-    scene, normal = checked(record), record.history[f"{pair}_normal_force"]
+    scene = checked(record)
     friction, creepage = scene.contacts[pair].friction, _imposed(scene)
-    equal = bodies.moduli[0] == bodies.moduli[1]
-    if not (bodies.rolls and equal and len(normal) and normal[-1] > 0) or creepage is None:
+    if not bodies.rolls or bodies.moduli[0] != bodies.moduli[1] or creepage is None:
+        return []
+    normal = record.history[f"{pair}_normal_force"]
+    if not len(normal) or normal[-1] <= 0:
         return []
     if not isinstance(friction, float) or friction == 0:
         return []

@@ -27,10 +27,9 @@ if TYPE_CHECKING:
 
 MM, MPA = 1e3, 1e-6
 DPI = 110
-FRAMES = 60  # at most; outputs are left out evenly beyond
+FRAMES = 40  # at most; outputs are left out evenly beyond
 MILLISECONDS, LAST = 400, 2000  # how long a frame stays, and the last one
 LARGEST = 3_000_000  # bytes
-CHANGE = 0.01  # of the forces, from which on there is something to see
 PLANE = (0.085, 0.60, 0.80, 0.31)  # panels: left, bottom, width, height
 BELOW = ((0.085, 0.105, 0.28, 0.36), (0.475, 0.105, 0.505, 0.36))
 SIZE = (theme.PAGE, 4.7)
@@ -46,7 +45,7 @@ class Scenery:
         flat: Positions of the nodes of each patch in the plane that is drawn [m], per output.
         labels: Names of the axes of that plane.
         largest: Pressure and shear that colour and length of arrows end at [Pa].
-        cut: Sections (rail or not, polygons) per output, empty where there is no mesh.
+        cut: Sections (rail or not, polygons) per output; none at all without a mesh.
     """
 
     contact: Contact
@@ -72,16 +71,15 @@ def transition(record: Record) -> Path | None:
 
 
 def worth_showing(contact: Contact) -> bool:
-    """Tell whether there are three outputs in contact and forces or patches differ among them."""
+    """Tell whether there are three outputs in contact and the nodes that touch or adhere change."""
     touching = [p for p in contact.patches if p]
-    sums = np.array(
-        [[sum(q.normal_force for q in p.values()), sum(q.tangential_force for q in p.values())]
-         for p in touching]
-    )  # fmt: skip
-    if len(touching) < 3:
-        return False
-    patches = {len(p) for p in touching}
-    return len(patches) > 1 or bool((np.ptp(sums, axis=0) > CHANGE * sums.max()).any())
+    states = {
+        tuple((place, len(p.areas), int(p.stick.sum())) for place, p in sorted(patches.items()))
+        for patches in touching
+    }
+    firsts = [next(iter(patches.values())) for patches in touching]
+    moved = np.ptp([p.centre for p in firsts], axis=0).max() if firsts else 0.0
+    return len(touching) > 2 and (len(states) > 1 or bool(moved**2 > firsts[0].areas.max() / 4))
 
 
 def scenery_of(record: Record, contact: Contact) -> Scenery:
@@ -91,10 +89,11 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
     kept = touching[::-1][::stride][::-1]  # with the last one
     body = record.body if record.wheel_on_rail else None
     some = Contact(contact.t[kept], [contact.patches[k] for k in kept])
+    cuts: list[list[tuple[bool, Array]]] = []
     if body is None:
         frame_ = next(iter(some.patches[0].values())).frame[:2]
         flat = [{i: p.position @ frame_.T for i, p in o.items()} for o in some.patches]
-        labels, cuts = ("longitudinal [mm]", "lateral [mm]"), [[] for _ in kept]
+        labels = ("longitudinal [mm]", "lateral [mm]")
     else:
         head = body.part(body.regions == Tag.RAIL_HEAD)
         still = undeformed(record, head, some)
@@ -104,7 +103,6 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
         flat = [{i: rolled.flat(p.position) for i, p in o.items()} for o in still.patches]
         labels = ("along the rail x [mm]", "arc length s [mm]")
         near = body.part(np.linalg.norm(body.centres[:, 1:] - _middle(some), axis=1) < 0.05)
-        cuts = []
         for t, patches in zip(some.t, some.patches, strict=True):
             first = max(patches.values(), key=lambda p: p.normal_force)
             cuts.append(cut(near, body.points + record.displacement(t), row(first)))
@@ -123,7 +121,7 @@ def frame(scenery: Scenery, k: int) -> "Figure":
     from matplotlib.figure import Figure
 
     fig = Figure(figsize=SIZE)
-    with_cut = any(scenery.cut)
+    with_cut = bool(scenery.cut)
     plane = fig.add_axes(PLANE)
     _plane(plane, scenery, k)
     scale, unit = theme.prefixed(scenery.contact.t, "s")
@@ -249,7 +247,7 @@ def _keys(fig: "Figure", plane: "Axes", scenery: Scenery) -> None:
     ]
     shear = scenery.largest[1] * MPA
     keys.append(Line2D([], [], color=theme.INK, label=f"shear, at most {shear:.3g} MPa"))
-    names = theme.PATCH_NAME if any(scenery.cut) else {1: "patch 1", 2: "patch 2"}
+    names = theme.PATCH_NAME if scenery.cut else {1: "patch 1", 2: "patch 2"}
     places = {place for output in scenery.contact.patches for place in output}
     keys += [Line2D([], [], color=theme.PATCH[p], label=names[p]) for p in sorted(places)]
     fig.legend(handles=keys, loc="lower center", ncols=len(keys), bbox_to_anchor=(0.5, -0.015))
