@@ -105,7 +105,7 @@ def test_kalker_creepage_ends_on_his_coefficient():
 
 @pytest.mark.slow
 def test_error_against_time_falls_with_the_mesh(tmp_path):
-    """Hertz at 0.5 mm has half the pressure error of 1 mm or less; a bar leaves in time; a figure."""
+    """Hertz at 0.5 mm has half the pressure error of 1 mm; a bar leaves in time; a figure."""
     pytest.importorskip("matplotlib")
     lines = printed("error_against_time.py", tmp_path, "--quick").splitlines()[1:]
     rows = [

@@ -92,10 +92,7 @@ def test_groups_share_what_is_set(written):
 def test_a_table_takes_the_place_of_a_value(written):
     """A law of friction instead of a coefficient."""
     law = {"law": "exponential", "static": 0.4, "kinetic": 0.2, "decay": 3.0}
-    path = written(
-        scene="sliding-block",
-        vary={"contacts": {"face": {"friction": [0.3, law]}}},
-    )
+    path = written(scene="sliding-block", vary={"contacts.face.friction": [0.3, law]})
     plain, exponential = study.runs_of(study.load(path))
     assert plain.scene.contacts["face"].friction == 0.3
     assert exponential.scene.contacts["face"].friction.law == "exponential"
@@ -111,14 +108,8 @@ BAD = {
         {"scene": "bar-wave", "vary": {"mesh.size": [1e-3, -1.0]}},
         "run size=-1.0: mesh.size = -1.0: expected greater than 0 [m]",
     ),
-    "bad key": (
-        {"scene": "bar-wave", "runs": [{"name": "a", "mesh.sise": 1e-3}]},
-        "run a: mesh.sise",
-    ),
-    "twice": (
-        {"scene": "bar-wave", "runs": [{"name": "a"}, {"name": "a"}]},
-        "run a: expected one of this name",
-    ),
+    "bad key": ({"scene": "bar-wave", "runs": [{"name": "a", "m.n": 1}]}, "run a: m"),
+    "twice": ({"scene": "bar-wave", "runs": [{"name": "a"}] * 2}, "run a: expected one of"),
     "row and grid": (
         {"scene": "bar-wave", "runs": [{"mesh.size": 1e-3}], "vary": {"mesh.size": [2e-3]}},
         "vary.mesh.size",
@@ -181,6 +172,7 @@ def test_studies_are_listed():
     assert code == 0 and list(json.loads(out)) == study.names()
 
 
+@pytest.mark.slow
 def test_a_failing_run_does_not_stop_the_others_and_is_told(written, tmp_path):
     """Exit 3; the others are done and compared; done again, only what is missing is tried.
 
@@ -210,6 +202,7 @@ def test_a_failing_run_does_not_stop_the_others_and_is_told(written, tmp_path):
     assert (tmp_path / "out" / "runs" / "fine" / "summary.json").stat().st_mtime_ns == made
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on(written, tmp_path):
     """Killed with its runs in the middle of one; started again it goes on from the checkpoint.
 
@@ -260,6 +253,7 @@ def below(parent: int) -> list[int]:
     return family[1:]
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_leaves_nothing_behind(written, tmp_path):
     """SIGTERM, as a queue or a time limit sends it: Snakemake and its jobs end too."""
     slow = {"time": {"end": 4e-3, "output_interval": 4e-5}, "mesh": {"size": 2.5e-3}}
@@ -291,8 +285,16 @@ def test_another_scene_in_the_folder_is_refused(written, tmp_path):
         study_folder.check(runs, tmp_path / "out")
 
 
-def test_more_ranks_than_cores_are_refused(written):
-    """Without the profile of a cluster."""
+def test_what_snakemake_cannot_do_is_refused(written, tmp_path, monkeypatch):
+    """More ranks than cores without a cluster, no such profile, no Snakemake."""
     path = written(scene="bar-wave", ranks=64, vary={"time.safety": [0.5]})
+    runs = study.runs_of(study.load(path))
     with pytest.raises(SceneError, match=r"ranks = 64: expected at most 2 cores"):
-        study_jobs.check(study.runs_of(study.load(path)), 2, None)
+        study_jobs.check(runs, 2, None)
+    with pytest.raises(SceneError, match=r"--profile .*expected the folder of a Snakemake profile"):
+        study_jobs.check(runs, None, tmp_path)
+    (tmp_path / "config.yaml").write_text("jobs: 2\n", encoding="utf-8")
+    study_jobs.check(runs, None, tmp_path)
+    monkeypatch.setattr(study_jobs, "find_spec", lambda name: None)
+    with pytest.raises(SceneError, match=r"pip install 'squealx\[study\]'"):
+        study_jobs.check(runs, None, tmp_path)

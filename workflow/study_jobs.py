@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The jobs of a study, done by Snakemake; meanwhile a line says how far they are."""
 
-import importlib.util
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import rich.console
@@ -32,7 +32,7 @@ def check(runs: Sequence[Run], cores: int | None, profile: Path | None) -> None:
     Raises:
         SceneError: if it is missing, or if a run has more ranks than there are cores for it.
     """
-    if importlib.util.find_spec("snakemake") is None:
+    if find_spec("snakemake") is None:
         raise SceneError(
             "study: expected Snakemake to be installed: pip install 'squealx[study]' "
             "(--dry-run works without)"
@@ -86,35 +86,44 @@ def work(
         RuntimeError: if Snakemake failed though no run did.
     """
     console = rich.console.Console(stderr=True, quiet=quiet)
-    with study_folder.locked(folder) as lock, (folder / LOG).open("w", encoding="utf-8") as log:
+    with study_folder.locked(folder) as lock:
         study_folder.write(study, runs, folder)
-        began = time.time()
-        process = subprocess.Popen(
-            command(folder, cores, profile),
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            pass_fds=(lock.fileno(),),  # held for as long as Snakemake is alive
-            start_new_session=True,  # so that it is interrupted once, below
-        )
-        before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-        try:
-            _follow(process, runs, folder, console, began)
-        except BaseException:
-            process.send_signal(signal.SIGINT)  # it ends its jobs; their checkpoints stay
-            process.wait()
-            console.print("stopped; the same command goes on from here")
-            raise
-        finally:
-            signal.signal(signal.SIGTERM, before)
+        code = _call(command(folder, cores, profile), lock.fileno(), runs, folder, console)
     failed = [run.name for run in runs if not study_folder.done(folder, run.name)]
     undrawn = [n for n in _undrawn(runs, folder) if n not in failed]
     if undrawn:
         console.print(f"without figures: {', '.join(undrawn)}; see {folder / 'logs'}")
-    if process.returncode and not failed and not undrawn:
+    if code and not failed and not undrawn:
         last = (folder / LOG).read_text("utf-8", errors="replace").strip().splitlines()[-1:]
-        raise RuntimeError(f"snakemake: {''.join(last) or f'exit code {process.returncode}'}")
+        raise RuntimeError(f"snakemake: {''.join(last) or f'exit code {code}'}")
     return failed
+
+
+def _call(
+    words: list[str], lock: int, runs: Sequence[Run], folder: Path, console: rich.console.Console
+) -> int:
+    """Call Snakemake, follow it and return its exit code; if this is stopped, so is all of that."""
+    began = time.time()
+    with (folder / LOG).open("w", encoding="utf-8") as log:
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            pass_fds=(lock,),  # held for as long as Snakemake is alive
+            start_new_session=True,  # so that it is interrupted once, below
+        )
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        _follow(process, runs, folder, console, began)
+    except BaseException:
+        process.send_signal(signal.SIGINT)  # it ends its jobs; their checkpoints stay
+        process.wait()
+        console.print("stopped; the same command goes on from here")
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return process.returncode
 
 
 def _undrawn(runs: Sequence[Run], folder: Path) -> list[str]:
@@ -147,7 +156,7 @@ def _follow(
     active = bar.TextColumn("{task.fields[active]}")
     told: set[str] = set()
     with bar.Progress(*columns, *after, active, console=console, auto_refresh=False) as line:
-        task = line.add_task("", total=len(left), active="")
+        task = line.add_task("", total=len(left), active="", visible=bool(left))
         while True:
             ended = process.poll() is not None
             shares = {name: study_folder.share(folder, name) for name in left}
