@@ -171,10 +171,7 @@ def show(table: Sequence[Row], title: str, console: "Console") -> None:
     printed.add_column("run", overflow="fold")
     for heading, _ in columns.values():
         printed.add_column(heading, justify="right")
-    for row in table:
-        if row["status"] != "done":
-            printed.add_row(row["run"], row["status"])
-            continue
+    for row in (row for row in table if row["status"] == "done"):
         cells = []
         for key, (_, form) in columns.items():
             value = row.get(key)
@@ -182,5 +179,7 @@ def show(table: Sequence[Row], title: str, console: "Console") -> None:
             cells.append("" if value is None else form.format(value * scale))
         printed.add_row(row["run"], *cells)
     console.print(printed)
+    for row in (row for row in table if row["status"] != "done"):
+        console.print(f"{row['run']}: {row['status']}", highlight=False, soft_wrap=True)
     for group, text in verdicts(table).items():
         console.print(f"front{f' of {group}' if group else ''}: {text}", highlight=False)

@@ -117,18 +117,21 @@ def error_against_time(table: Sequence[Row], records: Records) -> "Figure | None
 
     A row of panels for each group; runs that no other beats in both make the front, in grey.
     """
-    groups = {g: r for g, r in grouped(table).items() if front(r)}
+    groups = [rows for rows in grouped(table).values() if front(rows)]
     if not groups:
         return None
     fig = theme.figure(theme.PAGE, 2.3 * len(groups) + 0.3)
     panels = fig.subplots(len(groups), 2, squeeze=False, sharey="row")
-    costs = (("processor_seconds", "processor time [s]"), ("cell_steps", "cells × steps"))
+    costs = (
+        ("processor_seconds", 1.0, "processor time [s]"),
+        ("cell_steps", 1e-6, "cells × steps [millions]"),
+    )
     letters = iter("abcdefghijklmnopqrstuvwxyz")
-    for (group, own), line in zip(groups.items(), panels, strict=True):
-        for axes, (cost, label) in zip(line, costs, strict=True):
-            _errors(axes, own, cost)
+    for own, line in zip(groups, panels, strict=True):
+        for axes, (cost, scale, label) in zip(line, costs, strict=True):
+            _errors(axes, own, cost, scale)
             axes.set_xlabel(label)
-            theme.letter(axes, next(letters), f"{group + ': ' if group else ''}{_of(own)}")
+            theme.letter(axes, next(letters), _of(own))
         line[0].set_ylabel("error [%]")
         line[1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=6)
     return fig
@@ -194,11 +197,11 @@ def _joined(axes: "Axes", points: Sequence[tuple[float, float, Any]], place: int
         axes.plot(x, y, MARK[place], color=colour, ms=5)
 
 
-def _errors(axes: "Axes", own: Sequence[Row], cost: str) -> None:
+def _errors(axes: "Axes", own: Sequence[Row], cost: str, scale: float) -> None:
     """Draw the error of each run of a group over its cost, the front behind."""
     best = front(own, cost)
     axes.loglog(
-        [row[cost] for row in best],
+        [row[cost] * scale for row in best],
         [100 * row["closed_form_error"] for row in best],
         color="#cccccc",
         lw=4,
@@ -210,7 +213,7 @@ def _errors(axes: "Axes", own: Sequence[Row], cost: str) -> None:
     for number, row in enumerate(able):
         plain = shipped(row, own)
         axes.plot(
-            row[cost],
+            row[cost] * scale,
             100 * row["closed_form_error"],
             ls="",
             marker="o" if plain else SETTINGS[number % len(SETTINGS)],
@@ -225,13 +228,13 @@ def _errors(axes: "Axes", own: Sequence[Row], cost: str) -> None:
 
 
 def _decades(axes: "Axes") -> None:
-    """Label a logarithmic axis with plain numbers, also where it spans less than a decade."""
+    """Label logarithmic axes with plain numbers, also where they span less than a decade."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     for axis in (axes.xaxis, axes.yaxis):
         low, high = sorted(axis.get_view_interval())
-        steps = (1, 2, 5) if high < 200 * low else (1,)
-        axis.set_major_locator(LogLocator(subs=steps))
+        fine = (1, 1.5, 2, 3, 5, 7) if high < 10 * low else (1, 2, 5)
+        axis.set_major_locator(LogLocator(subs=fine if high < 200 * low else (1,), numticks=12))
         axis.set_major_formatter(lambda value, _: f"{value:g}")
         axis.set_minor_formatter(NullFormatter())
 

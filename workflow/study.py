@@ -134,10 +134,10 @@ def load(source: str | Path) -> Study:
         tables = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
-    for table in (tables, *_tables(tables, "runs"), *_tables(tables, "groups")):
-        scene = table.get("scene")
-        if isinstance(scene, str) and scene.endswith(".toml"):
-            table["scene"] = str((path.parent / scene).absolute())
+    for table in _tables(tables):
+        for key, value in table.items():
+            if key == "scene":
+                table[key] = _beside(path.parent, value)
     try:
         return Study.model_validate(tables)
     except ValidationError as error:
@@ -268,10 +268,18 @@ def _joined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, An
     return both
 
 
-def _tables(tables: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
-    """Return the tables of a list of tables, and those of the same key in its groups."""
-    groups = tables.get("groups", [])
-    own = tables.get(key, [])
-    nested = [g.get(key, []) for g in groups if isinstance(g, dict)] if key == "runs" else []
-    lists = [own, *nested]
-    return [t for entries in lists if isinstance(entries, list) for t in entries if type(t) is dict]
+def _tables(value: Any) -> Iterator[dict[str, Any]]:
+    """Yield a table and all below it."""
+    if isinstance(value, dict):
+        yield value
+    for inner in value.values() if isinstance(value, dict) else value:
+        if isinstance(inner, dict | list):
+            yield from _tables(inner)
+
+
+def _beside(folder: Path, scene: Any) -> Any:
+    """Return the path of a scene file named relative to a folder; names stay."""
+    if isinstance(scene, list):
+        return [_beside(folder, entry) for entry in scene]
+    path = isinstance(scene, str) and scene.endswith(".toml")
+    return str((folder / scene).absolute()) if path else scene
