@@ -28,6 +28,8 @@ from workflow.sections import Equilibrium
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 Array = npt.NDArray[np.float64]
+MANY = 30  # steps of conjugate gradients that take as long as new factors, about
+
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
 
@@ -174,10 +176,12 @@ def contact_springs(model: Model) -> Triplets:
 
 
 class Solver:
-    """Direct solver of the tangent, factorised anew only when other nodes touch other facets.
+    """Solver of the tangent: conjugate gradients behind the factors of an earlier tangent.
 
-    Wheel and rail are long and thin, so the factors stay sparse, while multigrid needs hundreds of
-    iterations on their stretched cells (3 s against 20 s at 150 k dofs).
+    From one iteration to the next only some nodes begin or cease to touch, which changes the
+    tangent by a matrix of that rank, so a few steps do. Where they become many it is factorised
+    anew. Wheel and rail are long and thin, so the factors stay sparse, while multigrid needs
+    hundreds of iterations on their stretched cells (3 s against 20 s at 150 k dofs).
     """
 
     def __init__(self, model: Model, held: npt.NDArray[np.int32]) -> None:
@@ -203,34 +207,39 @@ class Solver:
     def solve(self, springs: Triplets, residual: la.Vector, du: la.Vector) -> None:
         """Solve ``K du = residual`` with the held dofs at rest, into ``du``.
 
-        While the touching nodes and facets stay the same the factors are kept: their springs turn
-        by less than the error of the elastic tangent at the undeformed shape.
+        While the touching nodes and facets stay the same the tangent is kept: their springs turn
+        by less than its error, which is that of the undeformed shape.
         """
         rows, columns, _ = springs
         places = rows * 3 * du.index_map.size_global + columns
         same = self.ksp is not None and np.array_equal(places, self.places)
         if not self.comm.allreduce(same, op=MPI.LAND):
             self.places = places
-            self._factorise(self._matrix(springs), 3 * du.index_map.local_range[0])
+            self._set(self._matrix(springs), 3 * du.index_map.local_range[0])
         assert self.ksp is not None
         self.ksp.solve(residual.petsc_vec, du.petsc_vec)
+        if not self.ksp.is_converged:
+            self.ksp.pc.setReusePreconditioner(False)
+            self.ksp.solve(residual.petsc_vec, du.petsc_vec)
         if not self.ksp.is_converged:
             raise GuardError(
                 f"equilibrium: linear solve failed with reason {self.ksp.getConvergedReason()}; "
                 "is every body held or in contact?"
             )
+        self.ksp.pc.setReusePreconditioner(self.ksp.getIterationNumber() <= MANY)
 
-    def _factorise(self, springs: PETSc.Mat, first: int) -> None:
+    def _set(self, springs: PETSc.Mat, first: int) -> None:
+        """Take over the tangent with these springs; its factors are made when first needed."""
         K: Any = self.fixed.copy()
         K.axpy(1.0, springs, structure=DIFFERENT)
         K.zeroRowsColumns((self.held + first).astype(PETSc.IntType), diag=K.getDiagonal().max()[1])
-        if self.ksp is not None:
-            self.ksp.destroy()
-        self.ksp = PETSc.KSP().create(self.comm)
+        if self.ksp is None:
+            self.ksp = PETSc.KSP().create(self.comm)
+            self.ksp.setType("cg")
+            self.ksp.setTolerances(rtol=1e-4, max_it=2 * MANY)
+            self.ksp.pc.setType("cholesky")
+            self.ksp.pc.setFactorSolverType("mumps")
         self.ksp.setOperators(K)
-        self.ksp.setType("preonly")
-        self.ksp.pc.setType("cholesky")
-        self.ksp.pc.setFactorSolverType("mumps")
 
 
 def global_numbers(model: Model) -> npt.NDArray[np.int64]:
