@@ -96,6 +96,7 @@ def test_page_holds_all_it_shows(block):
     kinds = {s.partition(";")[0] for s in sources}
     assert kinds == {"data:image/png", "data:image/gif"}
     assert len(page.values("alt")) == len(drawn)
+    assert "<" not in page.text.replace("< ε", "")  # no markup shown as text
 
 
 def test_page_tells_settings_results_and_how(block):

@@ -70,6 +70,8 @@ def patch_means(record: Record) -> "Figure | None":
         theme.letter(panels[k], "abc"[k], titles[k])
         panels[k].set_ylabel(labels[k])
     panels[2].yaxis.set_major_locator(MultipleLocator(30))
+    low, high = panels[2].dataLim.intervaly / 30 if np.isfinite(panels[2].dataLim.y1) else (0, 1)
+    panels[2].set_ylim(30 * min(np.floor(low), 0) - 3, 30 * max(np.ceil(high), 1) + 3)
     _creepages(panels[3], record, scale)
     for axes in panels:
         axes.axhline(0, color=theme.FAINT, lw=0.6)

@@ -128,7 +128,8 @@ def _seat(axes: "Axes", body: Body, focus: Array) -> None:
 
 
 def _count(body: Body) -> str:
-    return f"{len(body.cells)} cells, {len(body.points)} nodes"
+    cells, nodes = (f"{n:,}".replace(",", " ") for n in (len(body.cells), len(body.points)))
+    return f"{cells} cells, {nodes} nodes"
 
 
 def _legend(fig: "Figure", body: Body) -> None:

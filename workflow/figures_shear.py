@@ -201,7 +201,8 @@ def _panels(
                 draw(axes, place, patches)
             else:
                 axes.text(0.5, 0.5, "no contact", transform=axes.transAxes, **_ABSENT)
-        row[0].set_ylabel(f"{names[place]}\n{'lateral [mm]' if plane else 'stress [MPa]'}")
+        name = names[place].replace(", ", "\n") if plane else names[place]
+        row[0].set_ylabel(f"{name}\n{'lateral [mm]' if plane else 'stress [MPa]'}")
         (left, right), (low, high) = limits[place]
         row[0].set_xlim(left, right)
         if plane:

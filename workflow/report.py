@@ -182,6 +182,6 @@ def render(shown: dict[str, Any]) -> str:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     # a key may be broken after an underscore; no character is added to what is copied
-    environment.filters["breakable"] = lambda key: Markup(escape(key).replace("_", "_<wbr>"))
+    environment.filters["breakable"] = lambda key: escape(key).replace("_", Markup("_<wbr>"))
     text = (resources.files("workflow") / "templates" / "report.html").read_text("utf-8")
     return environment.from_string(text).render(**shown)

@@ -233,12 +233,12 @@ def _contact_table(record: Record, name: str) -> Table:
 
 def _patch_row(t: float, place: int, p: Patch) -> tuple[str, ...]:
     shear = np.hypot(p.longitudinal_shear, p.lateral_shear) / 1e6
-    values = (p.normal_force / 1e3, p.tangential_force / 1e3, p.angle, p.area * 1e6)
+    forces = (p.normal_force / 1e3, p.tangential_force / 1e3)
     pressure = float((p.pressing / p.areas).max()) / 1e6
     return (
-        f"{t * 1e3:.4f}", str(place), *(number(v, zeros=True) for v in values),
-        str(len(p.areas)), str(int(p.stick.sum())), number(pressure, zeros=True),
-        number(shear, 3, zeros=True), number(p.shear_angle, 3, zeros=True),
+        f"{t * 1e3:.4f}", str(place), *(number(v, zeros=True) for v in forces),
+        f"{p.angle:.2f}", number(p.area * 1e6, zeros=True), str(len(p.areas)), str(int(p.stick.sum())), number(pressure, zeros=True),
+        number(shear, 3, zeros=True), number(round(p.shear_angle, 1) if shear else np.nan),
     )  # fmt: skip
 
 
