@@ -24,7 +24,7 @@ SHOWN = {
     "cells": ("cells", "{:.0f}"),
     "steps": ("steps", "{:.0f}"),
     "wall_seconds": ("wall s", "{:.1f}"),
-    "processor_seconds": ("processor s", "{:.1f}"),
+    "processor_seconds": ("CPU s", "{:.1f}"),
     "closed_form_error": ("error", "{:.2%}"),
     "balance_error": ("energy error", "{:+.0e}"),
     "normal_force": ("normal kN", "{:.2f}"),
@@ -33,6 +33,7 @@ SHOWN = {
     "theta_2": ("θ₂ °", "{:.0f}"),
 }
 TIMES = ("wall_seconds", "processor_seconds")  # the second hardly sees other work on the machine
+ALIKE = 0.05  # what times of the same work may differ by
 KILO = ("normal_force", "vertical_force")
 
 
@@ -109,15 +110,18 @@ def write(table: Sequence[Row], path: Path) -> Path:
 
 
 def front(table: Sequence[Row], cost: str = "processor_seconds") -> list[Row]:
-    """Return the rows that no other beats in both error and cost, cheapest first."""
+    """Return the rows that no other beats, cheapest first: the Pareto front of error and cost.
+
+    To beat a row is to be better in one by more than ``ALIKE`` and not worse in the other.
+    """
     able = [r for r in table if math.isfinite(r.get("closed_form_error", math.nan))]
 
-    def beaten(row: Row) -> bool:
-        mine = row[cost], row["closed_form_error"]
-        theirs = ((r[cost], r["closed_form_error"]) for r in able)
-        return any(a <= mine[0] and b <= mine[1] and (a, b) != mine for a, b in theirs)
+    def beats(one: Row, other: Row) -> bool:
+        shares = [one[key] / max(other[key], 1e-300) for key in (cost, "closed_form_error")]
+        return max(shares) <= 1 and min(shares) < 1 - ALIKE
 
-    return sorted((row for row in able if not beaten(row)), key=lambda row: row[cost])
+    best = [row for row in able if not any(beats(other, row) for other in able)]
+    return sorted(best, key=lambda row: row[cost])
 
 
 def grouped(table: Sequence[Row]) -> dict[str, list[Row]]:
@@ -149,10 +153,12 @@ def verdicts(table: Sequence[Row], cost: str = "processor_seconds") -> dict[str,
             if row in best:
                 text += f"; {row['label']} is on it"
             else:
-                rival = min(
-                    (r for r in best if r["closed_form_error"] <= row["closed_form_error"]),
-                    key=lambda r: r[cost],
-                )
+                better = [
+                    r
+                    for r in own
+                    if r.get("closed_form_error", math.inf) <= row["closed_form_error"]
+                ]
+                rival = min(better, key=lambda r: r[cost])
                 text += (
                     f"; {row['label']} is not: {rival['label']} has an error of "
                     f"{rival['closed_form_error']:.2%} for {row['closed_form_error']:.2%} in "
@@ -164,11 +170,14 @@ def verdicts(table: Sequence[Row], cost: str = "processor_seconds") -> dict[str,
 
 def show(table: Sequence[Row], title: str, console: "Console") -> None:
     """Print the main columns of the rows, those that any of them has."""
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     columns = {k: v for k, v in SHOWN.items() if any(k in row for row in table)}
-    printed = Table(title=title)
-    printed.add_column("run", overflow="fold")
+    if "closed_form_error" in columns:
+        columns = {k: v for k, v in columns.items() if k not in KILO}
+    printed = Table(title=title, box=SIMPLE_HEAD)
+    printed.add_column("run", no_wrap=True)
     for heading, _ in columns.values():
         printed.add_column(heading, justify="right")
     for row in (row for row in table if row["status"] == "done"):
@@ -182,4 +191,6 @@ def show(table: Sequence[Row], title: str, console: "Console") -> None:
     for row in (row for row in table if row["status"] != "done"):
         console.print(f"{row['run']}: {row['status']}", highlight=False, soft_wrap=True)
     for group, text in verdicts(table).items():
-        console.print(f"front{f' of {group}' if group else ''}: {text}", highlight=False)
+        console.print(
+            f"front{f' of {group}' if group else ''}: {text}", highlight=False, soft_wrap=True
+        )
