@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflow import theme
+from workflow.figures_at_rest import at_rest
 from workflow.figures_curves import energy, history, patch_forces, patch_means
 from workflow.figures_footprint import footprints
 from workflow.figures_model import model
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "adhesion",
+    "at_rest",
     "centre_line",
     "contact_nodes",
     "cross_section",
@@ -52,6 +54,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     footprints,
     cross_section,
     contact_nodes,
+    at_rest,
     patch_forces,
     patch_means,
     adhesion,

@@ -189,6 +189,10 @@ def begin(job: Job) -> None:
         job.progress.note(line)
     with job.clock.phase("equilibrium"):
         start(job.model, job.progress.log)
+    if job.model.placement is not None:
+        from workflow import at_rest
+
+        at_rest.tell(job.model, job.progress.note)
 
 
 def take_up(job: Job, point: checkpoint.Checkpoint) -> None:

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What half-space theory expects of a wheel that is pressed on a rail: Hertz, and the true shape.
+
+Hertz takes the curvatures of the undeformed surfaces where they first touch. The numerical solution
+takes the distance between them, normal to the tangent plane there, wherever it is small.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from contact.closed_forms import Hertz, hertz_ellipse
+from contact.footprint import frame_of
+from contact.half_space import HalfSpace, half_space_contact
+from meshes.profiles import Array
+from meshes.surfaces import Surface
+
+SEEK = (0.020, 0.001)  # half widths of grids on which the first touch is sought, one in the other
+APART = 0.01  # distance where there is no rail or no wheel [m]
+CELLS = 64  # of the grid of the half-spaces, each way
+ROUNDS = 8  # in which the grid is fitted to the patch
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What is expected of a wheel pressed on a rail where they stand.
+
+    Attributes:
+        origin: First touch of the undeformed surfaces, shape ``(3,)`` [m].
+        frame: Longitudinal, lateral and normal direction there as rows, shape ``(3, 3)``.
+        radii: Of the relative curvature there, along and across; negative where hollow [m].
+        hertz: The contact of such radii, None where they are hollow.
+        x, y: Middles of the grid along the first axes of the frame, shape ``(n,)`` each [m].
+        half_space: The contact on that grid.
+    """
+
+    origin: Array
+    frame: Array
+    radii: tuple[float, float]
+    hertz: Hertz | None
+    x: Array
+    y: Array
+    half_space: HalfSpace
+
+    @property
+    def angle(self) -> float:
+        """Contact angle at the first touch [degrees]."""
+        _, y, z = np.abs(self.frame[2])
+        return float(np.degrees(np.arctan2(y, z)))
+
+    @cached_property
+    def grid(self) -> Array:
+        """Longitudinal and lateral coordinate of all middles of the grid, shape ``(n, 2)`` [m]."""
+        return _grid(self.x, self.y)
+
+    def local(self, position: Array) -> Array:
+        """Return longitudinal and lateral coordinates of positions, shape ``(n, 2)`` [m]."""
+        return np.asarray((position - self.origin) @ self.frame[:2].T)
+
+    def pressure(self, at: Array, areas: Array | float = 0.0) -> Array:
+        """Return the pressure of the half-spaces, shape ``(n,)`` [Pa].
+
+        Args:
+            at: Longitudinal and lateral coordinates, shape ``(n, 2)`` [m].
+            areas: Of squares about them over which the mean is taken, shape ``(n,)`` [m2].
+        """
+        from scipy.interpolate import RegularGridInterpolator
+
+        axes, values = (self.x, self.y), self.half_space.pressure
+        p = RegularGridInterpolator(axes, values, bounds_error=False, fill_value=0.0)
+        share = (np.arange(9) - 4) / 9
+        side = np.sqrt(np.broadcast_to(areas, len(at)))
+        around = [at + side[:, None] * way for way in _grid(share, share)]
+        return np.asarray(np.mean([p(points) for points in around], axis=0))
+
+
+def expected(wheel: Surface, rail: Surface, near: Array, load: float, modulus: float) -> Expected:
+    """Return what is expected of a wheel pressed on a rail.
+
+    Args:
+        wheel: Running surface of the wheel where it stands.
+        rail: That of the rail.
+        near: A point by which they touch, shape ``(3,)`` [m].
+        load: Normal force [N].
+        modulus: Contact modulus E* [Pa].
+    """
+    origin, frame = near, frame_of(rail.normal(near))
+    for half in (SEEK[0], *SEEK):  # once more from the tangent plane found
+        origin = _touch(wheel, rail, origin, frame, half)
+        frame = frame_of(rail.normal(origin))
+    along, across = np.sum([s.curvatures(origin) for s in (wheel, rail)], axis=0)
+    radii = (float(1 / along), float(1 / across) if across else np.inf)
+    hertz = None
+    if min(radii) > 0 and np.isfinite(radii[1]):
+        hertz = hertz_ellipse(load, *radii, modulus)
+    x, y, found = _pressed(wheel, rail, origin, frame, load, modulus)
+    return Expected(origin, frame, radii, hertz, x, y, found)
+
+
+def gap(wheel: Surface, rail: Surface, origin: Array, frame: Array, at: Array) -> Array:
+    """Return the distance of wheel and rail along the normal of a plane, shape ``(n,)`` [m].
+
+    ``APART`` beside one of them, where they cannot touch.
+
+    Args:
+        wheel: Running surface of the wheel.
+        rail: That of the rail.
+        origin: A point of the plane, shape ``(3,)`` [m].
+        frame: Longitudinal, lateral and normal direction as rows, shape ``(3, 3)``.
+        at: Longitudinal and lateral coordinates, shape ``(n, 2)`` [m].
+    """
+    plane = origin + at @ frame[:2]
+    distance = wheel.heights(plane, frame[2]) - rail.heights(plane, frame[2])
+    return np.where(np.isfinite(distance), distance, APART)
+
+
+def _grid(x: Array, y: Array) -> Array:
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _touch(wheel: Surface, rail: Surface, origin: Array, frame: Array, half: float) -> Array:
+    """Return the point of the rail on a grid about the origin that is nearest to the wheel."""
+    line = np.linspace(-half, half, 61)
+    at = _grid(line, line)
+    nearest = at[[np.argmin(gap(wheel, rail, origin, frame, at))]]
+    plane = origin + nearest @ frame[:2]
+    return np.asarray(plane[0] + rail.heights(plane, frame[2]) * frame[2])
+
+
+def _pressed(
+    wheel: Surface, rail: Surface, origin: Array, frame: Array, load: float, modulus: float
+) -> tuple[Array, Array, HalfSpace]:
+    """Return a grid that just holds the patch, and the contact on it.
+
+    Half-spaces touch only where the undeformed surfaces overlap at their approach.
+    """
+    line = np.linspace(-SEEK[0], SEEK[0], 81)
+    wide = _grid(line, line)
+    apart = gap(wheel, rail, origin, frame, wide)
+    apart -= apart.min()
+    approach = 1e-4
+    for _ in range(ROUNDS):
+        overlap = wide[apart < approach]
+        low, high = overlap.min(axis=0) - line[1] + line[0], overlap.max(axis=0) + line[1] - line[0]
+        sides = (high - low) / CELLS
+        x, y = (a + s * (np.arange(CELLS) + 0.5) for a, s in zip(low, sides, strict=True))
+        distance = gap(wheel, rail, origin, frame, _grid(x, y)).reshape(CELLS, CELLS)
+        distance -= distance.min()
+        found = half_space_contact(distance, (float(sides[0]), float(sides[1])), load, modulus)
+        if found.approach <= approach <= 1.1 * found.approach and not found.reaches_the_edge:
+            return x, y, found
+        approach = 1.05 * found.approach
+    raise RuntimeError(
+        f"half-space contact: expected a patch within {SEEK[0]} m of y = {origin[1]:.4f} m, got "
+        "one that reaches farther"
+    )
