@@ -96,7 +96,10 @@ def sampled_spectra(record: Record) -> "Figure | None":
             mark(axes, modes)
     every[-1].set_xlabel("frequency [kHz]")
     every[-1].set_xlim(0, reach(samples) / 1e3)
-    fig.suptitle(made(samples), x=0.01, ha="left", fontsize=7)
+    told = made(samples)
+    if modes is not None:
+        told += f"; ticks: modes of {modes.summary['part']}, coloured by direction"
+    fig.suptitle(told, x=0.01, ha="left", fontsize=7)
     return fig
 
 
@@ -140,7 +143,8 @@ def lines(axes: "Axes", f: Array, density: Array, labels: tuple[str, ...], top: 
     most = density[shown].max()
     drawn = np.flatnonzero(density[shown].max(axis=0) > SMALL * most)
     for i in drawn:
-        axes.semilogy(f[shown] / 1e3, density[shown, i], color=COLOURS[i], lw=1, label=labels[i])
+        colour = KINDS.get(labels[i], COLOURS[i])  # as the modes of that direction
+        axes.semilogy(f[shown] / 1e3, density[shown, i], color=colour, lw=1, label=labels[i])
     if len(drawn):
         least = density[np.ix_(shown, drawn)].min()
         axes.set_ylim(max(least, SMALL * most) / 1.5, 4 * most)
@@ -209,7 +213,7 @@ def stems(axes: "Axes", by_mode: list[tuple[dict[str, Any], Array]], peak: Array
             axes.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=6)
     axes.set_yscale("log")
     axes.set_ylim(floor, 5 * peak.max())
-    axes.set_xlim(left=0)
+    axes.set_xlim(left=-0.03 * f.max())
     axes.set(xlabel="frequency [kHz]", ylabel="energy [J]")
     axes.legend(loc="upper right")
 
