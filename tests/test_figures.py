@@ -186,7 +186,9 @@ def transition(tmp_path_factory) -> Path:
         angle = np.array([placement.tread_angle, placement.flange_angle])
         creepage = np.array([[1e-3, 2e-3], [-0.015, -0.055]])
         t, place = np.array(rows).T
-        for name, values in {"contact_angle": angle, "creepage": creepage}.items():
+        force = np.array([6e4, 3e4])
+        columns = {"contact_angle": angle, "creepage": creepage, "normal_force": force}
+        for name, values in columns.items():
             file[f"patches/wheel_rail/{name}"] = values[place.astype(int)]
         file["patches/wheel_rail/t"] = t
     return folder

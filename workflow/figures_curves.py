@@ -84,17 +84,21 @@ def patch_means(record: Record) -> "Figure | None":
 
 
 def _creepages(axes: "Axes", record: Record, scale: float) -> None:
-    """Draw the creepages of every patch in the table, lateral ones dashed."""
+    """Draw the creepages at each output, lateral ones dashed: patches weighted by normal force."""
     table = record.patches
     if not table:
         axes.set_axis_off()
         return
     steep = np.degrees(table["contact_angle"]) >= STEEP
     for place, mine in ((1, ~steep), (2, steep)):
-        t, creepage = table["t"][mine] * scale, 100 * table["creepage"][mine]
+        t, row = np.unique(table["t"][mine], return_inverse=True)
+        force = table["normal_force"][mine]
         for along, line in ((0, "-"), (1, "--")):
             if mine.any():
-                axes.plot(t, creepage[:, along], line, color=theme.PATCH[place], marker="o", ms=2.8)
+                carried = np.bincount(row, force * table["creepage"][mine, along])
+                percent = 100 * carried / np.bincount(row, force)
+                colour = theme.PATCH[place]
+                axes.plot(t * scale, percent, line, color=colour, marker="o", ms=2.8)
     axes.plot([], [], "-", color=theme.INK, label="longitudinal")
     axes.plot([], [], "--", color=theme.INK, label="lateral")
     axes.legend(loc="best")
