@@ -20,12 +20,14 @@ from workflow.scene import Scene
 pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 
+from matplotlib.path import Path as MplPath
 from PIL import Image, ImageSequence
 
 from workflow import figures, theme
 from workflow.figures_footprint import development
 from workflow.figures_nodes import surface_nodes
 from workflow.figures_section import cut, telling_output
+from workflow.figures_transition import scenery_of
 from workflow.recorded import RAIL, Record, patches_of
 from workflow.running import run
 
@@ -205,8 +207,8 @@ def not_blank(path: Path) -> bool:
 def test_transition_has_all_figures(transition):
     """Model, placement, footprints, section, patches and energy, none of them blank."""
     paths = figures.draw(transition)
-    names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "patch_forces"]
-    names += ["patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
+    names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "at_rest"]
+    names += ["patch_forces", "patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
     assert [p.name for p in paths] == [*(f"{n}.png" for n in names), "transition.gif"]
     assert all(p.parent == transition / "figures" and not_blank(p) for p in paths[:-1])
     frames = ImageSequence.Iterator(Image.open(paths[-1]))
@@ -275,6 +277,19 @@ def test_cut_has_wheel_above_rail(transition):
     assert rail[:, 1].max() == pytest.approx(0, abs=1e-4)
     assert -0.030 < wheel[:, 1].min() < -0.025
     assert len(polygons) > 100 and set(RAIL) >= {Tag.RAIL_HEAD}
+
+
+def test_frames_cut_the_wheel_where_it_has_rolled_to(transition):
+    """At every output the cut has the wheel 2 mm over the contact and the rail 2 mm below it."""
+    record = Record(transition)
+    scenery = scenery_of(record, record.contacts["wheel_rail"])
+    assert len(scenery.cut) == OUTPUTS
+    for patches, polygons in zip(scenery.contact.patches, scenery.cut, strict=True):
+        patch = max(patches.values(), key=lambda p: p.normal_force)
+        for rail, side in ((False, 1), (True, -1)):
+            probe = patch.centre[1:] + side * 2e-3 * patch.direction[1:]
+            cells = [MplPath(corners) for is_rail, corners in polygons if is_rail == rail]
+            assert any(cell.contains_point(probe) for cell in cells)
 
 
 def test_surface_nodes_are_those_of_the_outer_faces():
