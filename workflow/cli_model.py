@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs of a scene before its run: validate, export, mesh, modes."""
+"""Verbs of a scene before its run: validate, audit, export, mesh, modes."""
 
 import json
 from pathlib import Path
@@ -29,6 +29,28 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
         print(json.dumps({"scene": checked.name, "valid": True}))
     else:
         print(f"{checked.name}: valid")
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx audit flange-transition",
+        "squealx audit sliding-block --set contacts.face.penalty=2.0 --json",
+    )
+)
+def audit(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
+    """Tell what a run will bear: step, penalty and damping limits, penetration, time, doubts."""
+    checked = load(scene, changes)
+    from mpi4py import MPI
+
+    from rich.console import Console
+
+    from workflow.audit import in_numbers, report, show
+
+    root = MPI.COMM_WORLD.rank == 0
+    progress = Console(stderr=True, quiet=not root)
+    found = report(checked, log=lambda line: progress.print(line, highlight=False))
+    if root:
+        print(json.dumps(in_numbers(found))) if as_json else show(found, Console())
 
 
 @verbs.command(
