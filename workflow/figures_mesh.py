@@ -109,7 +109,7 @@ def _picture(
                     color=colour,
                     show_edges=True,
                     edge_color=EDGE,
-                    line_width=2.0,
+                    line_width=1.3,
                     ambient=0.25,
                     specular=0.0,
                 )

@@ -114,7 +114,7 @@ def picture(result: Modes, mode: Mode, shape: Array, reach: float, frame: Frame)
             ambient=0.25, specular=0.05, smooth_shading=False,
         )  # fmt: skip
         if edges.n_points:
-            view.add_mesh(edges, color=theme.INK, line_width=1.6)
+            view.add_mesh(edges, color=theme.INK, line_width=1.0)
 
     return frame.render(900, fill)
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM = 1e3
+NUDGE = 1e-6  # off the nodes of a body at rest, where cells would be cut along their faces [m]
 
 
 def cross_section(record: Record) -> "Figure | None":
@@ -57,6 +58,7 @@ def cut(body: Body, points: Array, x: float) -> list[tuple[bool, Array]]:
     Returns:
         For each polygon whether it is rail, and its corners (y, z), shape ``(k, 2)`` [m].
     """
+    x += NUDGE
     along = points[body.cells, 0]
     hit = np.flatnonzero((along.min(axis=1) <= x) & (along.max(axis=1) > x))
     if not len(hit):

@@ -115,14 +115,15 @@ _MARK: dict[str, Any] = {"ls": "", "marker": "o", "ms": 3.6, "mec": theme.ADHESI
 def arrow_scale(contact: Contact, place: int) -> tuple[float, float]:
     """Return stress per length of arrow [MPa/mm] and the stress of a key [MPa] for one place.
 
-    The longest arrow of all moments spans two cells.
+    The longest arrow of all moments spans two cells, or a fifth of the length of the patches.
     """
     shown = [patches[place] for _, patches in moments(contact) if place in patches]
     largest = max((float(np.linalg.norm(p.shear, axis=1).max()) for p in shown), default=1.0) * MPA
     cell = float(np.median([np.sqrt(np.median(p.areas)) for p in shown] or [1e-3])) * MM
+    length = max((float(np.ptp(p.local[:, 0])) for p in shown), default=0.0) * MM
     decade = 10.0 ** np.floor(np.log10(max(largest, 1e-12)))
     key = max(k for k in (1.0, 2.0, 5.0) if k * decade <= largest) * decade
-    return max(largest, 1e-12) / (2 * cell), float(key)
+    return max(largest, 1e-12) / max(2 * cell, 0.2 * length), float(key)
 
 
 def rolling_contact(record: Record) -> Contact | None:

@@ -30,9 +30,10 @@ DPI = 110
 FRAMES = 40  # at most; outputs are left out evenly beyond
 MILLISECONDS, LAST = 400, 2000  # how long a frame stays, and the last one
 LARGEST = 3_000_000  # bytes
-PLANE = (0.085, 0.60, 0.80, 0.31)  # panels: left, bottom, width, height
-BELOW = ((0.085, 0.105, 0.28, 0.36), (0.475, 0.105, 0.505, 0.36))
-SIZE = (theme.PAGE, 4.7)
+NEAR = 0.06  # of the cells that are cut, across the track [m]
+PLANE = (0.085, 0.565, 0.80, 0.36)  # panels: left, bottom, width, height
+BELOW = ((0.085, 0.1, 0.28, 0.34), (0.475, 0.1, 0.505, 0.34))
+SIZE = (theme.PAGE, 5.2)
 EDGES = ("#12a594", theme.INK)  # of the cells of nodes that adhere and slip
 
 
@@ -102,10 +103,11 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
         rolled = development(head, x)
         flat = [{i: rolled.flat(p.position) for i, p in o.items()} for o in still.patches]
         labels = ("along the rail x [mm]", "arc length s [mm]")
-        near = body.part(np.linalg.norm(body.centres[:, 1:] - _middle(some), axis=1) < 0.05)
         for t, patches in zip(some.t, some.patches, strict=True):
             first = max(patches.values(), key=lambda p: p.normal_force)
-            cuts.append(cut(near, body.points + record.displacement(t), row(first)))
+            points = body.points + record.displacement(t)
+            away = np.linalg.norm(points[body.cells].mean(axis=1)[:, 1:] - _middle(some), axis=1)
+            cuts.append(cut(body.part(away < NEAR), points, row(first)))
     every = [p for o in some.patches for p in o.values()]
     pressure = max(float((p.pressing / p.areas).max()) for p in every)
     shear = max(float(np.linalg.norm(p.shear, axis=1).max()) for p in every)
@@ -125,8 +127,8 @@ def frame(scenery: Scenery, k: int) -> "Figure":
     plane = fig.add_axes(PLANE)
     _plane(plane, scenery, k)
     scale, unit = theme.prefixed(scenery.contact.t, "s")
-    fig.text(0.01, 0.955, f"t = {scenery.contact.t[k] * scale:.3f} {unit}", weight="bold")
-    forces = fig.add_axes(BELOW[1] if with_cut else (0.085, 0.105, 0.895, 0.36))
+    fig.text(0.01, 0.965, f"t = {scenery.contact.t[k] * scale:.3f} {unit}", weight="bold")
+    forces = fig.add_axes(BELOW[1] if with_cut else (0.085, 0.1, 0.895, 0.34))
     _forces(forces, scenery, k, scale, unit)
     if with_cut:
         _cut(fig.add_axes(BELOW[0]), scenery, k)
@@ -245,8 +247,8 @@ def _keys(fig: "Figure", plane: "Axes", scenery: Scenery) -> None:
         Line2D([], [], marker="s", ls="", mfc="none", mec=colour, mew=wide, label=name)
         for colour, wide, name in zip(EDGES, (1.8, 0.5), ("adheres", "slips"), strict=True)
     ]
-    shear = scenery.largest[1] * MPA
-    keys.append(Line2D([], [], color=theme.INK, label=f"shear, at most {shear:.3g} MPa"))
+    shear = float(f"{scenery.largest[1] * MPA:.3g}")
+    keys.append(Line2D([], [], color=theme.INK, label=f"shear, at most {shear:g} MPa"))
     names = theme.PATCH_NAME if scenery.cut else {1: "patch 1", 2: "patch 2"}
     places = {place for output in scenery.contact.patches for place in output}
     keys += [Line2D([], [], color=theme.PATCH[p], label=names[p]) for p in sorted(places)]

@@ -237,7 +237,8 @@ def _patch_row(t: float, place: int, p: Patch) -> tuple[str, ...]:
     pressure = float((p.pressing / p.areas).max()) / 1e6
     return (
         f"{t * 1e3:.4f}", str(place), *(number(v, zeros=True) for v in forces),
-        f"{p.angle:.2f}", number(p.area * 1e6, zeros=True), str(len(p.areas)), str(int(p.stick.sum())), number(pressure, zeros=True),
+        f"{p.angle:.2f}", number(p.area * 1e6, zeros=True), str(len(p.areas)),
+        str(int(p.stick.sum())), number(pressure, zeros=True),
         number(shear, 3, zeros=True), number(round(p.shear_angle, 1) if shear else np.nan),
     )  # fmt: skip
 
