@@ -52,9 +52,11 @@ class HalfSpace:
 
 
 def half_space_contact(
-    gap: Array, spacing: tuple[float, float], load: float, modulus: float
+    gap: Array, spacing: tuple[float, float], load: float, modulus: float, layer: float = 0.0
 ) -> HalfSpace:
     """Return the pressure between two half-spaces pressed together by a force.
+
+    A thin soft layer between them, as penalty springs are, gives way under its own pressure only.
 
     Args:
         gap: Distance of the surfaces before loading in the middle of each rectangle, from any
@@ -62,13 +64,14 @@ def half_space_contact(
         spacing: Sides of the rectangles along both axes [m].
         load: Normal force [N].
         modulus: Contact modulus E* [Pa].
+        layer: How much the layer gives way under a unit pressure [m/Pa].
 
     Raises:
         ValueError: if the load, modulus or a spacing is not positive or the gap not finite.
         RuntimeError: if the iteration does not converge.
     """
     _check(gap, spacing, load, modulus)
-    displacement = _displacements(gap.shape, spacing, modulus)
+    displacement = _displacements(gap.shape, spacing, modulus, layer)
     total = load / (spacing[0] * spacing[1])  # sum of the pressures
     p = np.full(gap.shape, total / gap.size)
     way, before, conjugate = np.zeros_like(gap), 1.0, 0.0
@@ -104,12 +107,13 @@ def _check(gap: Array, spacing: tuple[float, float], load: float, modulus: float
 
 
 def _displacements(
-    shape: tuple[int, ...], spacing: tuple[float, float], modulus: float
+    shape: tuple[int, ...], spacing: tuple[float, float], modulus: float, layer: float
 ) -> Callable[[Array], Array]:
     """Return the map from pressures to displacements, a convolution on a grid of twice the size."""
     n, m = shape
     x, y = (np.minimum(np.arange(2 * k), 2 * k - np.arange(2 * k)) for k in (n, m))
     kernel = _love(x[:, None] * spacing[0], y * spacing[1], spacing) / modulus
+    kernel[0, 0] += layer
     factor = fft.rfft2(kernel)
 
     def displacement(p: Array) -> Array:

@@ -47,6 +47,19 @@ def test_flat_punch():
     assert found.approach == pytest.approx(LOAD / (2 * MODULUS * radius), rel=0.01)
 
 
+def test_soft_layer():
+    """A layer far softer than the bodies: p = (approach - gap) / layer, load pi R approach²/layer.
+
+    Bodies a thousand times stiffer than the layer: 1 %.
+    """
+    radius, layer = 0.3, 1e-3 * 0.01 / 1e6
+    x, y, spacing = grid((0.05, 0.05), 64)
+    approach = np.sqrt(LOAD * layer / (np.pi * radius))
+    found = half_space_contact((x**2 + y**2) / (2 * radius), spacing, LOAD, 1e3 * MODULUS, layer)
+    assert found.approach == pytest.approx(approach, rel=0.01)
+    assert found.pressure.max() == pytest.approx(approach / layer, rel=0.01)
+
+
 def test_two_bumps_part_as_the_load_falls():
     """Two paraboloids of unequal height: two patches under a heavy load, one under a light one."""
     x, y, spacing = grid((0.012, 0.012), 96)

@@ -20,7 +20,7 @@ from meshes.placement import Placement, rail_in_track
 from meshes.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.body_tables import Isotropic
-from workflow.expected import Expected, expected
+from workflow.expected import Expected, expected, softened
 from workflow.geometry import placement_of, profiles_of
 from workflow.mesh_tables import WheelRailMesh
 from workflow.recorded import Patch, Record, patches_of
@@ -42,10 +42,14 @@ class AtRest:
     Attributes:
         patch: The nodes in contact.
         expected: Both expectations under the same force.
+        softened: The same with a layer between the half-spaces that gives way as the penalty does.
+        overlap: Of the nodes, the largest [m].
     """
 
     patch: Patch
     expected: Expected
+    softened: Expected
+    overlap: float
 
     @property
     def at(self) -> Array:
@@ -63,9 +67,16 @@ class AtRest:
 
         A node stands for its area, over which the expectation is averaged.
         """
-        there = self.expected.pressure(self.at, self.patch.areas)
-        off = np.sqrt(np.mean((self.pressure - there) ** 2))
-        return float(off / self.expected.half_space.pressure.max())
+        return self._off(self.expected)
+
+    @property
+    def softened_error(self) -> float:
+        """The same with the layer: what is not due to the penalty."""
+        return self._off(self.softened)
+
+    def _off(self, e: Expected) -> float:
+        off = self.pressure - e.pressure(self.at, self.patch.areas)
+        return float(np.sqrt(np.mean(off**2)) / e.half_space.pressure.max())
 
     @property
     def found(self) -> dict[str, tuple[float, float, float, float]]:
@@ -75,11 +86,10 @@ class AtRest:
         """
         e, nodes = self.expected, self.patch
         axes = half_axes(self.at, nodes.pressing)
-        there = half_axes(e.grid, e.half_space.pressure.ravel())
-        rows = {
-            "nodes": (float(self.pressure.max()), *axes, nodes.area),
-            "half-space": (float(e.half_space.pressure.max()), *there, e.half_space.area),
-        }
+        rows = {"nodes": (float(self.pressure.max()), *axes, nodes.area)}
+        for name, there in (("half-space", e), ("half-space with layer", self.softened)):
+            p = there.half_space.pressure
+            rows[name] = (float(p.max()), *half_axes(there.grid, p.ravel()), there.half_space.area)
         if e.hertz:
             rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b, np.pi * e.hertz.a * e.hertz.b)
         return rows
@@ -97,7 +107,13 @@ class AtRest:
             f" area {area * 1e6:.0f} mm²"
             for name, (p0, a, b, area) in self.found.items()
         ]
-        return [*said, f"at rest: nodal pressure {self.error:.1%} rms off the half-space"]
+        said += [
+            f"at rest: penalty springs give way by {self.overlap * 1e6:.1f} µm, a layer in an "
+            f"approach of {e.half_space.approach * 1e6:.0f} µm",
+            f"at rest: nodal pressure {self.error:.1%} rms off the half-space, "
+            f"{self.softened_error:.1%} off that with such a layer",
+        ]
+        return said
 
 
 def half_axes(at: Array, force: Array) -> tuple[float, float]:
@@ -111,15 +127,16 @@ def at_rest(record: Record) -> AtRest | None:
     """Return the contact at the first output of a run, None if no wheel rests on a rail there."""
     if not record.wheel_on_rail or record.body is None or not record.contacts:
         return None
-    scene, contact = record.checked, next(iter(record.contacts.values()))
+    scene, (name, contact) = record.checked, next(iter(record.contacts.items()))
     if scene.equilibrium is None or not contact.patches[0]:
         return None
     u, points = record.displacement(float(contact.t[0])), record.body.points
     cells, regions = record.body.cells, record.body.regions
     tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
     patch = whole(list(contact.patches[0].values()))
-    at = placement_of(scene)
-    return compared(scene, at, patch, (points[tyre], u[tyre]), (points[head], u[head]))
+    nodes = (points[tyre], u[tyre]), (points[head], u[head])
+    overlap = float(record.history[f"{name}_max_penetration"][0])
+    return compared(scene, placement_of(scene), patch, *nodes, overlap)
 
 
 def tell(model: "Model", log: Callable[[str], Any]) -> None:
@@ -142,10 +159,9 @@ def tell(model: "Model", log: Callable[[str], Any]) -> None:
             (surface.reference, now[:, :3] - surface.reference)
             for surface, now in zip((pair.contactor, pair.target), pair.surfaces(u, v), strict=True)
         ]
+        tyre, head = moved[:: 1 if sides[0] == "tread" else -1]
         try:
-            rest = compared(
-                scene, model.placement, patch, *moved[:: 1 if sides[0] == "tread" else -1]
-            )
+            rest = compared(scene, model.placement, patch, tyre, head, pair.max_penetration)
         except RuntimeError as error:  # the run does not hang on it
             log(f"at rest: {error}")
             continue
@@ -159,6 +175,7 @@ def compared(
     patch: Patch,
     tyre: tuple[Array, Array],
     head: tuple[Array, Array],
+    overlap: float,
 ) -> AtRest | None:
     """Return a patch and what is expected of it, None if the bodies are not isotropic.
 
@@ -168,6 +185,7 @@ def compared(
         patch: All nodes in contact.
         tyre: Undeformed positions and displacements of nodes of the tyre, ``(n, 3)`` each [m].
         head: Those of the rail head.
+        overlap: Of the nodes, the largest [m].
 
     Raises:
         RuntimeError: if the half-spaces have no contact of a size to be found.
@@ -177,7 +195,10 @@ def compared(
         return None
     drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
-    return AtRest(patch, expected(wheel, rail, patch.centre, patch.normal_force, modulus))
+    load = patch.normal_force
+    hard = expected(wheel, rail, patch.centre, load, modulus)
+    layer = overlap / float((patch.pressing / patch.areas).max())
+    return AtRest(patch, hard, softened(hard, wheel, rail, load, modulus, layer), overlap)
 
 
 def standing(surface: Surface, points: Array, u: Array, patch: Patch) -> Surface:

@@ -5,7 +5,7 @@ Hertz takes the curvatures of the undeformed surfaces where they first touch. Th
 takes the distance between them, normal to the tangent plane there, wherever it is small.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -94,8 +94,25 @@ def expected(wheel: Surface, rail: Surface, near: Array, load: float, modulus: f
     hertz = None
     if min(radii) > 0 and np.isfinite(radii[1]):
         hertz = hertz_ellipse(load, *radii, modulus)
-    x, y, found = _pressed(wheel, rail, origin, frame, load, modulus)
+    x, y, found = _pressed(wheel, rail, origin, frame, load, modulus, 0.0)
     return Expected(origin, frame, radii, hertz, x, y, found)
+
+
+def softened(
+    hard: Expected, wheel: Surface, rail: Surface, load: float, modulus: float, layer: float
+) -> Expected:
+    """Return what is expected with a soft layer between the surfaces, as penalty springs are.
+
+    Args:
+        hard: What is expected without it.
+        wheel: Running surface of the wheel where it stands.
+        rail: That of the rail.
+        load: Normal force [N].
+        modulus: Contact modulus E* [Pa].
+        layer: How much it gives way under a unit pressure [m/Pa].
+    """
+    x, y, found = _pressed(wheel, rail, hard.origin, hard.frame, load, modulus, layer)
+    return replace(hard, x=x, y=y, half_space=found)
 
 
 def gap(wheel: Surface, rail: Surface, origin: Array, frame: Array, at: Array) -> Array:
@@ -129,7 +146,13 @@ def _touch(wheel: Surface, rail: Surface, origin: Array, frame: Array, half: flo
 
 
 def _pressed(
-    wheel: Surface, rail: Surface, origin: Array, frame: Array, load: float, modulus: float
+    wheel: Surface,
+    rail: Surface,
+    origin: Array,
+    frame: Array,
+    load: float,
+    modulus: float,
+    layer: float,
 ) -> tuple[Array, Array, HalfSpace]:
     """Return a grid that just holds the patch, and the contact on it.
 
@@ -147,7 +170,8 @@ def _pressed(
         x, y = (a + s * (np.arange(CELLS) + 0.5) for a, s in zip(low, sides, strict=True))
         distance = gap(wheel, rail, origin, frame, _grid(x, y)).reshape(CELLS, CELLS)
         distance -= distance.min()
-        found = half_space_contact(distance, (float(sides[0]), float(sides[1])), load, modulus)
+        spacing = float(sides[0]), float(sides[1])
+        found = half_space_contact(distance, spacing, load, modulus, layer)
         if found.approach <= approach <= 1.1 * found.approach and not found.reaches_the_edge:
             return x, y, found
         approach = 1.05 * found.approach
