@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from workflow import stability_matrix
+from workflow.audit_doubts import landing_gain
 from workflow.figures_stability import draw
 from workflow.stability import Case, cases
 from workflow.stability_limits import limit
@@ -62,7 +63,8 @@ def test_verdicts(case, kind, message):
 
 def test_a_blow_up_past_blind_guards_is_called_unseen():
     """With guards that look away a bar at 1.1 of its step ends wild, and the matrix says so."""
-    blind = {"guards.energy_error": 1e300, "time.safety": 1.1}
+    linear = {"bodies.bar.kinematics": "small-strain", "time.safety": 1.1}
+    blind = {"guards.energy_error": 1e300, **linear}
     found = judge(Case("p", "1", "", "spin", blind, spin=100.0))
     assert found.kind == "unseen" and "energy has grown" in found.message
 
@@ -150,3 +152,30 @@ def test_figure_holds_every_cell(tmp_path):
     path = draw(rows, table, tmp_path / "s.png")
     assert path.stat().st_size < 400_000
     assert json.dumps(rows)
+
+
+def test_sliding_ends_where_landings_gain_energy():
+    """Friction makes nodes hop, which no linear limit knows: runs end between p = 2, where a
+    landing gains nothing in the mean, and 3, where it gains 75 %; frictionless they go on."""
+    hopping = limit("friction 0.3", "penalty", within=0.05)
+    assert 2 < hopping.found < 3 < hopping.predicted
+    assert landing_gain(2.0) < 1e-6 < 0.1 < landing_gain(hopping.found)
+
+
+@pytest.mark.parametrize("kind", ["accurate", "unseen"])
+def test_command_line(tmp_path, monkeypatch, kind):
+    """One JSON object with the counts; a blow-up that no guard saw is an error that names it."""
+    from typer.testing import CliRunner
+
+    from workflow import stability_limits
+    from workflow.cli import app
+    from workflow.guards import GuardError
+
+    row = {"key": "a | 1 | ", "panel": "a", "x": "1", "y": "", "kind": kind, "steps": 5,
+           "measure": "ripple", "value": 0.01}  # fmt: skip
+    monkeypatch.setattr(stability_matrix, "matrix", lambda *a, **k: [row])
+    monkeypatch.setattr(stability_limits, "limits", lambda *a, **k: [])
+    done = CliRunner().invoke(app, ["stability", "--out", str(tmp_path), "--json"])
+    found = json.loads(done.stdout)
+    assert found["verdicts"][kind] == 1 and (tmp_path / "stability.png").is_file()
+    assert isinstance(done.exception, GuardError) == (kind == "unseen")

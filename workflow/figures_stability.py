@@ -81,7 +81,7 @@ def text(row: dict[str, Any]) -> str:
     if row["kind"] in ("caught", "unseen"):
         return f"†{row['steps']}"
     value = row["value"]
-    size = f"{100 * value:.0f}" if value >= 0.0995 else f"{100 * value:.1g}"
+    size = f"{100 * value:.0f}" if value >= 0.0095 else f"{100 * value:.1g}"
     if value < 1e-4:
         size = "0"
     return f"{LETTER[row['measure']]} {size if value < 10 else '>999'}"

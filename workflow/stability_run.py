@@ -192,10 +192,13 @@ def slide(case: Case, scene: Scene, seen: Seen, table: Array) -> dict[str, float
     v = scene.bodies["block"].velocity
     assert v is not None
     speeds = np.array(seen.speeds)[:, 0]
-    loss, way = min(v[0], slope * table[-1, 0]), speeds[0] - speeds
-    # a block that has stopped rings about rest
-    lost = float(way[len(way) // 2 :].mean() if 0 < loss == v[0] else way[-1])
-    scale = loss or v[0] or slope * table[-1, 0] or SPEED
+    t, speeds = table[:, 0], np.array(seen.speeds)[:, 0]
+    way, exact = speeds[0] - speeds, np.minimum(v[0], slope * t)
+    lost, loss = float(way[-1]), float(exact[-1])
+    if loss == v[0]:  # a block that has stopped rings about rest
+        late = slice(-len(t) // 4, None)
+        lost, loss = float(way[late].mean()), float(exact[late].mean())
+    scale = loss or v[0] or slope * t[-1] or SPEED
     return {
         "normal force": abs(float(table[:, 1].mean()) / (load * area) - 1),
         "change of speed": abs(lost - loss) / scale,
