@@ -5,6 +5,7 @@ The page is a single HTML file that holds its pictures; it needs no network and 
 """
 
 import base64
+import inspect
 import itertools
 import json
 import tomllib
@@ -169,7 +170,9 @@ def embedded(path: Path, number: int) -> dict[str, Any]:
     """Return a picture as a data address with its number and caption."""
     data = base64.b64encode(path.read_bytes()).decode()
     address = f"data:{KINDS[path.suffix]};base64,{data}"
-    return {"number": number, "name": path.stem, "address": address, "caption": caption(path.stem)}
+    said = inspect.getdoc(getattr(figures, path.stem, None)) or ""
+    words = caption(path.stem, " ".join(said.partition("\n\n")[0].split()))
+    return {"number": number, "name": path.stem, "address": address, "caption": words}
 
 
 def render(shown: dict[str, Any]) -> str:

@@ -76,9 +76,6 @@ CAPTIONS = {
         "Mindlin under the same tangential force. Root mean squares are of the nodes within "
         "0.9 of the contact, over the largest value."
     ),
-    "sampled_forces": "Forces sampled between outputs.",
-    "sampled_spectra": "Amplitude spectra of what was sampled between outputs.",
-    "modal_participation": "Share of natural modes in the motion that was sampled.",
     "transition": (
         "A frame for each output, nothing between them. Above: the contact surface rolled out "
         "flat (for a wheel on a rail; else the plane of the first patch), cells coloured by "
@@ -89,6 +86,6 @@ CAPTIONS = {
 }
 
 
-def caption(name: str) -> str:
-    """Return the caption of a figure, its name in words if it has none."""
-    return CAPTIONS.get(name, name.replace("_", " ").capitalize() + ".")
+def caption(name: str, otherwise: str = "") -> str:
+    """Return the caption of a figure; what its function says of itself, if it has none here."""
+    return CAPTIONS.get(name) or otherwise or name.replace("_", " ").capitalize() + "."
