@@ -197,3 +197,20 @@ def sliding_stop(speed: float, friction: float, gravity: float = 9.81) -> tuple[
     """Return the distance [m] and time [s] in which friction stops a sliding block."""
     _positive(friction=friction, gravity=gravity)
     return speed**2 / (2.0 * friction * gravity), abs(speed) / (friction * gravity)
+
+
+def stick_slip_period(speed: float, stiffness: float, mass: float, drop: float) -> float:
+    """Return the time between two jumps of a block that is pulled by a spring [s].
+
+    While it sticks the spring gains ``2 drop / stiffness``; it slips from rest to rest with
+    ``tan(ω t / 2) = -drop ω / (stiffness speed)``.
+
+    Args:
+        speed: Of the pulled end of the spring [m/s].
+        stiffness: Of the spring [N/m].
+        mass: Of the block [kg].
+        drop: Friction at rest less that in slip, constant each [N].
+    """
+    omega = np.sqrt(stiffness / mass)
+    slip = 2 * (np.pi - np.arctan(drop * omega / (stiffness * speed))) / omega
+    return float(2 * drop / (stiffness * speed) + slip)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from contact import ContactPair, Surface, exponential, rigid_plane, with_memory
+from contact.closed_forms import stick_slip_period
 
 PENALTY = 0.2
 
@@ -51,17 +52,6 @@ class Feet:
         self.v += self.dt / self.mass[:, None] * self.f
         self.u += self.dt * self.v
         self.state.t += self.dt
-
-
-def stick_slip_period(speed, stiffness, mass, drop):
-    """Period of a block pulled by a spring at a speed; friction falls by ``drop`` [N] in slip.
-
-    Stick: the spring gains 2 drop / stiffness. Slip: (k, m) from rest to rest, tan(ω t / 2) =
-    -drop ω / (k V).
-    """
-    omega = np.sqrt(stiffness / mass)
-    slip = 2 * (np.pi - np.arctan(drop * omega / (stiffness * speed))) / omega
-    return 2 * drop / (stiffness * speed) + slip
 
 
 @pytest.mark.slow
