@@ -18,6 +18,7 @@ from workflow import Scene, run
 from workflow.bodies import step_bound
 from workflow.model import build
 from workflow.recorded import Record
+from workflow.scene import SceneError
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 WOOD = {
@@ -124,7 +125,11 @@ def test_a_law_of_ones_own(tmp_path):
     )
     scene = bending({})
     doubled = bending({"material": {**STEEL, "poisson_ratio": 0.0, "youngs_modulus": 420e9}})
-    given = run(scene, tmp_path / "own", laws={"bar": own}, quiet=True).history
+    result = run(scene, tmp_path / "own", laws={"bar": own}, quiet=True)
+    given, named = result.history, result.summary["own_laws"]["bar"]
+    assert __name__ in named and "test_a_law_of_ones_own" in named
+    with pytest.raises(SceneError, match=r"expected the laws of .*got \{\}"):
+        run(scene, tmp_path / "own", quiet=True, resume=True)
     expected = run(doubled, tmp_path / "doubled", quiet=True).history
     for column in ("t", "internal", "kinetic"):
         scale = expected[column].max()

@@ -84,11 +84,13 @@ class Checkpoint:
         return scene.with_(**{"time.end": end})
 
     def fits(self, model: "Model") -> None:
-        """Raise ``SceneError`` if the mesh or the step is not that of the checkpoint."""
-        for key, mine in (("mesh", mesh_hash(model.domain.source)), ("dt", model.dt)):
-            if self.about[key] != mine:
+        """Raise ``SceneError`` if mesh, laws of one's own or step are not the checkpoint's."""
+        own = {"mesh": mesh_hash(model.domain.source), "laws": model.own_laws, "dt": model.dt}
+        for key, mine in own.items():
+            then = self.about.get(key, {})
+            if then != mine:
                 raise SceneError(
-                    f"resume: expected the {key} of the checkpoint, {self.about[key]}, got {mine}; "
+                    f"resume: expected the {key} of the checkpoint, {then}, got {mine}; "
                     f"it was written by squealx {self.about['version']}"
                 )
 
@@ -209,6 +211,7 @@ class Keeper:
             "scene": model.scene.tables(),
             "mesh": self._mesh,
             "mesh_end": self.mesh_end,
+            "laws": model.own_laws,
             "dt": model.dt,
             "t": model.state.t,
             "step": model.state.step,

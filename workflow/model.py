@@ -51,6 +51,7 @@ class Model:
         loads: Callables of the step, in order.
         pairs: Contact pairs by name.
         dt, dt_bound: Step and its bound [s].
+        own_laws: Laws that are not the scene's: the name of each by body or contact.
     """
 
     scene: Scene
@@ -73,6 +74,7 @@ class Model:
     drives: "Hold | None" = None
     sampling: "Sampling | None" = None
     placement: Any = None
+    own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
     def loads(self) -> list[Callable[[State, la.Vector], None]]:
@@ -166,6 +168,9 @@ def build(
     with clock.phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         attach(model, friction)
+    model.own_laws = {
+        name: name_of(law) for name, law in {**(laws or {}), **(friction or {})}.items()
+    }
     for line in model.bodies.doubts():
         log(line)
     if reason := model.internal.kernel.engine.reason:
@@ -175,6 +180,13 @@ def build(
         f"{model.dt_bound * 1e9:.1f} ns"
     )
     return model
+
+
+def name_of(law: Any) -> str:
+    """Return module and name of a law that was given from Python."""
+    law = getattr(law, "residual", law)
+    named = law if hasattr(law, "__qualname__") else type(law)
+    return f"{named.__module__}.{named.__qualname__}"
 
 
 def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model:

@@ -70,6 +70,7 @@ def summarise(
         "scene": model.scene.name,
         "version": version("squealx"),
         "status": status,
+        "own_laws": model.own_laws,
         "cells": len(mesh.cells),
         "nodes": len(mesh.points),
         "dofs": 3 * len(mesh.points),
