@@ -125,6 +125,28 @@ def test_carter_ends_on_his_creepage(tmp_path):
 
 
 @pytest.mark.slow
+def test_tread_rolling_ends_on_contact(tmp_path):
+    """Traction 4 %, stick area 0.04 of the patch; a figure."""
+    text = printed("tread_rolling.py", "--out", tmp_path / "tread.png")
+    found, exact, _ = numbers(text, "traction")
+    assert found == pytest.approx(exact, rel=0.04)
+    found, exact = numbers(text, "stick")
+    assert found == pytest.approx(exact, abs=0.04)
+    assert (tmp_path / "tread.png").stat().st_size > 10_000
+
+
+def test_patch_at_rest_shows_where_hertz_fails(tmp_path):
+    """On one arc of the rail half-spaces are Hertz to 2 %; over its end the patch is far longer."""
+    text = printed("patch_at_rest.py", "--out", tmp_path / "patches.png")
+    words = [line.replace("mm", "").replace("°", "").split() for line in text.splitlines()[1:]]
+    rows = [list(map(float, row)) for row in words]
+    shift, _, a, b, p0, *half_space = rows[3]
+    assert shift == 3 and half_space == pytest.approx([a, b, p0], rel=0.02)
+    assert rows[0][6] > 2 * rows[0][3]
+    assert (tmp_path / "patches.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
 def test_kalker_creepage_ends_on_his_coefficient():
     """c₁₁ of the ellipse of a wheel on a rail crown to 5 %."""
     line = next(x for x in printed("kalker_creepage.py").splitlines() if x.startswith("c11 "))
