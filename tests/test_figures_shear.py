@@ -20,13 +20,13 @@ def patch(nodes, *, shear=(0.0, 0.0), normal=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0)
 
 
 def test_moments_before_and_through_the_transition():
-    """The last output with one patch, and first, middle and last with two; crumbs do not count."""
+    """Two outputs with one patch, first, middle and last with two; crumbs do not count."""
     top, corner, crumb = patch((5, 3)), patch((4, 2)), patch((1, 1))
     outputs = [{1: top}] * 4 + [{1: top, 2: crumb}] + [{1: top, 2: corner}] * 5
     outputs += [{1: crumb, 2: corner}] * 3
     contact = Contact(np.arange(len(outputs)) * 1.0, outputs)
-    assert [t for t, _ in moments(contact)] == [4.0, 5.0, 7.0, 9.0]
-    assert [sorted(p) for _, p in moments(contact)] == [[1], [1, 2], [1, 2], [1, 2]]
+    assert [t for t, _ in moments(contact)] == [2.0, 4.0, 5.0, 7.0, 9.0]
+    assert [sorted(p) for _, p in moments(contact)] == [[1]] * 2 + [[1, 2]] * 3
     alone = Contact(np.arange(9.0), [{1: top}] * 9)
     assert [t for t, _ in moments(alone)] == [1.0, 3.0, 6.0, 8.0]  # Python rounds half to even
     assert [t for t, _ in moments(Contact(np.arange(1.0), [{1: top}]))] == [0.0]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 MM = 1e3
 MPA = 1e-6
-PANELS = 4  # outputs side by side
+PANELS = 4  # outputs side by side, and one of rolling on one patch
 FEWEST = 3  # nodes of a patch worth drawing
 OTHER_NAME = {1: "contact patch", 2: "steep patch"}
 
@@ -145,8 +145,9 @@ def stick_tolerance(record: Record) -> float:
 def moments(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
     """Return time and patches of the outputs to show.
 
-    Those are the last before a second patch is born, and the first, middle and last with two; or,
-    where there is one patch only, four spread over the run. Patches of a few nodes do not count.
+    Those are a third of the way to the birth of a second patch, the last before it, and the first,
+    middle and last with two; or, where there is one patch only, four spread over the run. Patches
+    of a few nodes do not count.
     """
     outputs = [
         (float(t), {k: p for k, p in patches.items() if len(p.areas) >= FEWEST})
@@ -155,7 +156,8 @@ def moments(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
     two = [k for k, (_, patches) in enumerate(outputs) if len(patches) == 2]
     one = [k for k, (_, patches) in enumerate(outputs) if len(patches) == 1]
     if two:
-        before = [k for k in one if k < two[0]][-1:]
+        before = [k for k in one if 0 < k < two[0]] or [k for k in one if k < two[0]]
+        before = [before[len(before) // 3], before[-1]] if before else []
         chosen = [*before, *(two[round(i * (len(two) - 1) / 2)] for i in range(PANELS - 1))]
     else:
         last = one[1:] or one  # the first is at rest
