@@ -120,7 +120,8 @@ def _grid(axes: "Axes", name: str, group: list[dict[str, Any]]) -> None:
     first, second = name.split(" × ")
     axes.set_xlim(0, len(xs))
     axes.set_ylim(0, len(ys))
-    axes.set_xticks(np.arange(len(xs)) + 0.5, xs, fontsize=5.5)
+    short = [x.replace("0.", ".") if len(x) > 3 else x for x in xs]
+    axes.set_xticks(np.arange(len(xs)) + 0.5, short, fontsize=5.5)
     axes.set_yticks(np.arange(len(ys)) + 0.5, ys, fontsize=5.5)
     axes.tick_params(length=0)
     axes.grid(False)

@@ -148,7 +148,7 @@ def elongation(model: Model) -> float:
     """Return how much farther the ends of the bar are apart than at rest [m]; serial."""
     x = model.domain.V.tabulate_dof_coordinates()
     y = x + model.state.u.x.array.reshape(-1, 3)
-    near, far = x[:, 0] == x[:, 0].min(), x[:, 0] == x[:, 0].max()
+    near, far = np.isclose(x[:, 0], x[:, 0].min()), np.isclose(x[:, 0], x[:, 0].max())
     apart = y[far].mean(axis=0) - y[near].mean(axis=0)
     return float(np.linalg.norm(apart) - (x[:, 0].max() - x[:, 0].min()))
 
