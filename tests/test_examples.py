@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Each example runs as a script and ends on its closed form."""
 
+import contextlib
+import io
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -13,17 +16,29 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
 def printed(name: str, *words: object) -> str:
-    """What an example prints, run as a user would."""
-    command = [sys.executable, EXAMPLES / name, *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """What an example prints, run as a script; in this process, which has its imports already."""
+    out, before = io.StringIO(), sys.argv
+    sys.argv = [str(EXAMPLES / name), *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(out):
+            runpy.run_path(sys.argv[0], run_name="__main__")
+    finally:
+        sys.argv = before
+    return out.getvalue()
 
 
 def test_every_example_is_tested():
     """A new example needs a test below."""
     text = Path(__file__).read_text(encoding="utf-8")
     assert {p.name for p in EXAMPLES.glob("*.py") if f'"{p.name}"' not in text} == set()
+
+
+def test_an_example_runs_by_itself():
+    """As a user would start it: a process of its own."""
+    command = [sys.executable, EXAMPLES / "two_bars.py"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "stress" in done.stdout
 
 
 def test_own_residual_ends_on_the_golden_ratio():

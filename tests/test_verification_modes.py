@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Verification rows 20 and 21: rail as a beam, modes of the wheel; frequencies of row 4."""
 
+import functools
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -182,6 +184,7 @@ def test_row_4_bar_frequencies():
     assert [m.kind for m in found.modes[:4]].count("rigid") == 3
 
 
+@functools.cache
 def wheel(layers: int, top: float, **changes):
     """Modes of the wheel of ``flange-transition`` with so many cells across its web."""
     keys = {"bodies.wheelset.element": "one-point"}
@@ -224,5 +227,5 @@ def test_row_21_free_wheel():
     found = wheel(2, 500.0, held="free").modes
     assert [m.kind for m in found].count("rigid") == 6 == sum(m.frequency < 0.1 for m in found)
     free = next(m for m in found if m.diameters == 2)
-    clamped = next(m for m in wheel(2, 400.0).modes if m.diameters == 2)
+    clamped = next(m for m in wheel(2, 1000.0).modes if m.diameters == 2)
     assert abs(free.frequency / clamped.frequency - 1) < 0.02

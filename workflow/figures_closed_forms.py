@@ -166,7 +166,8 @@ def _bar(scene: "Scene", contact: Any) -> list[Curve]:
     body = next(iter(scene.bodies.values()))
     mesh: Any = scene.mesh
     speed = abs((body.velocity or (0.0,))[0])
-    if not isinstance(contact.target, RigidWall) or not isinstance(body.material, Isotropic):
+    flies = speed and isinstance(contact.target, RigidWall)
+    if not flies or not isinstance(body.material, Isotropic):
         return []
     E, rho = body.material.youngs_modulus, body.material.density
     force, stay = bar_impact(speed, E, rho, mesh.width**2, mesh.length)
