@@ -156,6 +156,11 @@ def _limits(axes: "Axes", limits: Rows) -> None:
         mine = [r for r in limits if r["key"] == key and 0 < r["ratio"] < np.inf]
         at = [-cases.index(r["case"]) for r in mine]
         axes.plot([r["ratio"] for r in mine], at, marker, color=colour, ms=3.5, label=key)
+    for row in limits:
+        if not 0 < row["ratio"] < np.inf:
+            colour, y = MARKS[row["key"]][1], -cases.index(row["case"])
+            axes.plot(0.415, y, "<", color=colour, ms=3.5)
+            axes.text(0.435, y, "none found", va="center_baseline", fontsize=5, color=colour)
     axes.axvline(1, color=theme.INK, lw=0.7, zorder=0)
     axes.set_yticks([-k for k in range(len(cases))], cases, fontsize=5.5)
     axes.set_xscale("log")
@@ -164,5 +169,5 @@ def _limits(axes: "Axes", limits: Rows) -> None:
     axes.set_xticks([], minor=True)
     axes.set_xlim(0.4, 2.5)
     axes.set_xlabel("limit predicted by squealx audit over limit found by runs", fontsize=6)
-    axes.legend(loc="lower left", fontsize=6, ncols=1)
+    axes.legend(loc="upper right", fontsize=6, ncols=1)
     theme.letter(axes, "b", "limits of stability")
