@@ -109,4 +109,4 @@ def test_row_13_flange_transition_at_rest(tmp_path):
 
     drawn = figure(record)
     assert drawn is not None
-    assert drawn.axes[0].get_title(loc="left").startswith("(a) 84.")
+    assert drawn.axes[0].get_title().startswith("(a) 84.")

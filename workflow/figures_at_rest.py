@@ -19,6 +19,7 @@ MM, MPA = 1e3, 1e-6
 HALF_SPACE, HERTZ = theme.CLOSED_FORMS[1], theme.CLOSED_FORM
 LINES: dict[str, Any] = {
     "half-space": {"color": HALF_SPACE, "lw": 3.5},
+    "layer": {"color": theme.PATCH[2], "lw": 1.0},
     "Hertz": {"color": HERTZ, "lw": 1.5, "ls": "--"},
 }
 NODES: dict[str, Any] = {"color": theme.PATCH[1], "ms": 4.5, "ls": "", "marker": "o"}
@@ -36,7 +37,7 @@ def at_rest(record: Record) -> "Figure | None":
         return None
     if rest is None:
         return None
-    fig = theme.figure(theme.PAGE, 2.9)
+    fig = theme.figure(theme.PAGE, 3.1)
     plan, *panels = fig.subplots(1, 3)
     at = rest.at
     middle = at[np.argmax(rest.pressure)]
@@ -89,6 +90,7 @@ def _line(axes: "Axes", rest: "AtRest", at: Array, middle: Array, k: int) -> Non
     line[:, k] = np.linspace(reach.min() - 1e-3, reach.max() + 1e-3, len(line))
     line[:, other] = np.mean(at[row, other])
     axes.plot(line[:, k] * MM, e.pressure(line) * MPA, **LINES["half-space"])
+    axes.plot(line[:, k] * MM, rest.softened.pressure(line) * MPA, **LINES["layer"])
     if e.hertz:
         axes.plot(line[:, k] * MM, e.hertz.pressure(*line.T) * MPA, **LINES["Hertz"])
     means = e.pressure(at[row], rest.patch.areas[row])
@@ -104,7 +106,9 @@ def _legend(fig: "Figure", rest: "AtRest") -> None:
         Line2D([], [], label=f"contact nodes, {rest.error:.1%} rms off", **NODES),
         Line2D([], [], label="half-space, mean over a node's area", **MEANS),
         Line2D([], [], label="half-space, profiles as drawn", **LINES["half-space"]),
+        Line2D([], [], label=f"with a soft layer as the penalty: {rest.softened_error:.1%} rms",
+               **LINES["layer"]),
         Line2D([], [], label="Hertz", **LINES["Hertz"]),
-    ]
+    ]  # fmt: skip
     keys = keys if rest.expected.hertz else keys[:-1]
-    fig.legend(handles=keys, loc="outside lower center", ncols=len(keys), columnspacing=1.2)
+    fig.legend(handles=keys, loc="outside lower center", ncols=3, columnspacing=1.2)
