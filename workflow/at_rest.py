@@ -135,7 +135,7 @@ def at_rest(record: Record) -> AtRest | None:
     tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
     patch = whole(list(contact.patches[0].values()))
     nodes = (points[tyre], u[tyre]), (points[head], u[head])
-    overlap = float(record.history[f"{name}_max_penetration"][0])
+    overlap = float(record.history.get(f"{name}_max_penetration", np.zeros(1))[0])
     return compared(scene, placement_of(scene), patch, *nodes, overlap)
 
 
