@@ -28,9 +28,10 @@ def squealx(*words, timeout: float = 60) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory) -> Record:
-    """The scene from a start next to the flange up to 1.5 ms, on two ranks: about a minute."""
+    """The scene from a start next to the flange up to 1.5 ms, on one rank: the workers of the suite have the
+    other core. About a minute."""
     folder = tmp_path_factory.mktemp("flange") / "run"
-    words = ("flange-transition", "--ranks", 2, "--out", folder)
+    words = ("flange-transition", "--out", folder)
     words += ("--set", "time.end=1.5e-3", "--set", "mesh.flange_gap=4e-4")
     done = squealx("run", *words, timeout=900)
     assert done.returncode == 0, done.stderr
@@ -44,7 +45,6 @@ def footprint(record: Record, output: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_one_patch_becomes_two(record):
     """Rail top alone until 0.9 ms; from 1.2 ms the gauge corner too, under 60 to 76 degrees.
 
@@ -62,7 +62,6 @@ def test_one_patch_becomes_two(record):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_row_24_energy_of_the_main_scene(record):
     """Balance error below 1 % of the energy exchanged; friction and drive have done work."""
     history = record.history
@@ -72,7 +71,6 @@ def test_row_24_energy_of_the_main_scene(record):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_the_rail_carries_the_weight_at_the_start(record):
     """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 5 % to 0.3 ms."""
     body = record.body
@@ -89,7 +87,6 @@ def test_the_rail_carries_the_weight_at_the_start(record):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_no_creepage_at_the_start(record):
     """Travel lies in the wheel's plane: the mean slip velocity is small against the drift.
 
@@ -104,7 +101,6 @@ def test_no_creepage_at_the_start(record):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_creepages_are_those_of_a_rigid_wheel(record):
     """Spin sin(contact angle)/r; difference of longitudinal creepage height/r: both to 10 %.
 
@@ -122,7 +118,6 @@ def test_creepages_are_those_of_a_rigid_wheel(record):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 def test_cone_is_kept_in_every_output(record):
     """|F_t| ≤ 0.6 F_n at every node of every output, to round-off; some nodes slip at the end."""
     for k in range(6):
