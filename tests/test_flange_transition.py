@@ -28,8 +28,7 @@ def squealx(*words, timeout: float = 60) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory) -> Record:
-    """The scene from a start next to the flange up to 1.5 ms, on one rank: the workers of the suite have the
-    other core. About a minute."""
+    """The scene from a start next to the flange up to 1.5 ms: about a minute on one rank."""
     folder = tmp_path_factory.mktemp("flange") / "run"
     words = ("flange-transition", "--out", folder)
     words += ("--set", "time.end=1.5e-3", "--set", "mesh.flange_gap=4e-4")
