@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow import spectra, theme
+from workflow.figures_shear import FEWEST, centre_row
 from workflow.participation import ModeShapes, Participation, fits, found, participation, together
 from workflow.recorded import STEEP, Record
 from workflow.sample_table import PairSamples, Samples, read
@@ -96,6 +97,8 @@ def sampled_spectra(record: Record) -> "Figure | None":
             mark(axes, modes)
     every[-1].set_xlabel("frequency [kHz]")
     every[-1].set_xlim(0, reach(samples) / 1e3)
+    for axes in every:
+        mark_passing(axes, passing(record))
     told = made(samples)
     if modes is not None:
         told += f"; ticks: modes of {modes.summary['part']}, coloured by direction"
@@ -151,6 +154,29 @@ def lines(axes: "Axes", f: Array, density: Array, labels: tuple[str, ...], top: 
     axes.legend(loc="upper right", ncols=3)
 
 
+def passing(record: Record) -> float | None:
+    """Return how often nodes come to the contact of a rolling wheel [Hz]: speed over spacing.
+
+    There each spectrum has a line of the mesh's, whatever rolls.
+    """
+    rolling = record.scene.get("rolling")
+    patches = [p for c in record.contacts.values() for at in c.patches for p in at.values()]
+    rows = [np.diff(p.local[centre_row(p), 0]) for p in patches if len(p.areas) > FEWEST]
+    if not rolling or not rows or not len(along := np.concatenate(rows)):
+        return None
+    return float(abs(rolling["speed"]) / np.median(along))
+
+
+def mark_passing(axes: "Axes", frequency: float | None) -> None:
+    """Mark the frequency at which nodes pass, where the panel reaches as far."""
+    if frequency is None or not axes.get_xlim()[0] < frequency / 1e3 < axes.get_xlim()[1]:
+        return
+    axes.axvline(frequency / 1e3, color=theme.INK, ls=":", lw=0.9, zorder=0)
+    where: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "rotation": 90}
+    text = " nodes pass"
+    axes.text(frequency / 1e3, 0.1, text, fontsize=6, ha="right", va="bottom", **where)
+
+
 def mark(axes: "Axes", modes: ModeShapes) -> None:
     """Mark natural frequencies at the foot of a panel."""
     for row in modes.rows:
@@ -189,6 +215,7 @@ def modal_participation(record: Record) -> "Figure | None":
         by_mode = together(modes.rows, part.energy)
         peak = np.array([energy.max() for _, energy in by_mode])
         stems(left, by_mode, peak)
+        mark_passing(left, passing(record))
         over_time(right, part, by_mode, peak)
         theme.letter(left, "a", f"{name}: largest vibration energy of each mode")
         theme.letter(right, "b", "the strongest of each band over time")
