@@ -14,7 +14,7 @@ KERNEL := $(wildcard contact/kernel/*.[ch] contact/kernel/CMakeLists.txt)
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make demo   run the main job (scene flange-transition, coarse) into demo/, with figures"
+	@echo "make demo   run the main job (scene flange-transition, coarse) into demo/, with figures and report"
 	@echo "make test   linters, type check and the whole test suite (PYTEST='-m \"not slow\"' for less)"
 	@echo "make lint   linters and type check only;  make format  lay out Python and C"
 	@echo "make setup  make .venv ready (PYTHON=... picks the interpreter)"
@@ -28,7 +28,7 @@ setup: .venv/.ready
 demo: setup
 	rm -rf demo
 	$(BIN)/squealx run flange-transition --out demo --ranks $(RANKS)
-	$(BIN)/squealx figures demo
+	$(BIN)/squealx report demo
 
 test: lint
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile $(PYTEST)
