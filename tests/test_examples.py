@@ -66,6 +66,16 @@ def test_two_bars_ends_on_half_the_impedance():
     assert stress == pytest.approx(exact, rel=0.01)
 
 
+def test_sliding_block_ends_on_the_coefficient_of_friction():
+    """Friction from slope and from impulse to 0.5 %, the way to 1 %."""
+    text = printed("sliding_block.py")
+    far, *_ = numbers(text, "stops")
+    assert far == pytest.approx(52.0, rel=0.01)
+    for start in ("friction from slope", "friction from impulse"):
+        found, given, _ = numbers(text, start)
+        assert given == 0.3 and found == pytest.approx(given, rel=0.005)
+
+
 def test_contact_patch_ends_on_uniform_pressure():
     """Within 3 % rms of it where the contactor has the smaller cells, 0.6 % in two passes."""
     rows = [line.replace("%", "").split() for line in printed("contact_patch.py").splitlines()[1:7]]
