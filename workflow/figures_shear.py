@@ -24,6 +24,7 @@ MM = 1e3
 MPA = 1e-6
 PANELS = 4  # outputs side by side, and one of rolling on one patch
 FEWEST = 3  # nodes of a patch worth drawing
+FINE = 60  # nodes of a patch of fine cells
 OTHER_NAME = {1: "contact patch", 2: "steep patch"}
 
 
@@ -242,8 +243,9 @@ def _cells(axes: "Axes", patch: Patch, colours: list[str]) -> None:
     from matplotlib.collections import PolyCollection
 
     faces = list(boxes(patch.local, patch.areas) * MM)
+    width = 0.6 if len(faces) < FINE else 0.2  # fine cells would be all edge
     axes.add_collection(
-        PolyCollection(faces, facecolors=colours, edgecolors="white", linewidths=0.6)
+        PolyCollection(faces, facecolors=colours, edgecolors="white", linewidths=width)
     )
     axes.plot(0, 0, "+", color=theme.INK, ms=5, mew=0.7)
 
