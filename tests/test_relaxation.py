@@ -15,6 +15,7 @@ from dolfinx import fem
 
 from forms.stability import assembled_frequency
 from workflow import Scene
+from workflow.equilibrium import Solver, equilibrium
 from workflow.guards import GuardError
 from workflow.model import Model, build
 from workflow.relaxation import SAFETY, damping_factor, masses
@@ -28,6 +29,9 @@ SCENES = {
         "bodies.block.velocity": [0.0, 0.0, 0.0],
     },
 }
+
+
+DEEP = {"block": [0.0, 0.0, -2e-6]}  # m
 
 
 def at_rest(name: str, method: str, log=lambda line: None, **changes) -> Model:
@@ -127,3 +131,21 @@ def test_two_ranks_come_to_the_same_rest(tmp_path):
         with h5py.File(out / "results.h5") as file:
             found[method] = file["history/face_normal_force"][:]
     np.testing.assert_allclose(found["relaxation"], found["static"], rtol=5e-4)
+
+
+def test_a_step_that_takes_all_contact_away_is_halved(monkeypatch):
+    """The first solve goes three times too far, off the base; the second starts with contact."""
+    model = build(Scene.load("contact-patch", **{"equilibrium.approach": DEEP}), MPI.COMM_SELF)
+    lines: list[str] = []
+    whole = Solver.solve
+
+    def too_far(self, springs, residual, du):
+        whole(self, springs, residual, du)
+        if len(lines) == 1:
+            du.array[:] *= 3.0
+
+    monkeypatch.setattr(Solver, "solve", too_far)
+    assert model.scene.equilibrium is not None
+    equilibrium(model, model.scene.equilibrium, np.zeros(0), lines.append)
+    nodes = [int(line.split()[-3]) for line in lines]
+    assert nodes[0] == nodes[-1] > 0 and nodes[1] == 0 and len(lines) < 10

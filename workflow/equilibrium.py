@@ -30,6 +30,8 @@ DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 Array = npt.NDArray[np.float64]
 MANY = 30  # steps of conjugate gradients that take as long as new factors, about
 
+HALVINGS = 6  # of a step that ends all contact, before it is believed
+
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
 
@@ -84,7 +86,7 @@ def newton(
     state, n = model.state, 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
     du.array[:] = 0.0
-    springs: Triplets | None = None
+    touched, halved = False, 0
     for iteration in range(settings.max_iterations + 1):
         residual = out_of_balance(model, extra)
         scale = load_size(model, extra)
@@ -98,9 +100,13 @@ def newton(
             return iteration
         if not np.isfinite(size):
             break
-        if active or springs is None:  # a body that lost its contact would fall for millimetres
-            springs = contact_springs(model)
-        solver.solve(springs, residual, du)
+        if touched and not active and halved < HALVINGS:
+            # too long a step took all contact away; without its springs the body would fall on
+            du.array[:n] *= -0.5 if halved == 0 else 0.5
+            halved += 1
+        else:
+            solver.solve(contact_springs(model), residual, du)
+            touched, halved = active > 0, 0
         state.u.x.array[:n] += du.array[:n]
         state.u.x.scatter_forward()
     raise GuardError(
