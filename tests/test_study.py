@@ -255,7 +255,7 @@ def below(parent: int) -> list[int]:
 @pytest.mark.slow
 def test_an_interrupted_study_leaves_nothing_behind(written, tmp_path):
     """SIGTERM, as a queue or a time limit sends it: Snakemake and its jobs end too."""
-    slow = {"time": {"end": 4e-2, "output_interval": 4e-5}, "mesh": {"size": 2.5e-3}}
+    slow = {"time": {"end": 1.0, "output_interval": 4e-5}, "mesh": {"size": 2.5e-3}}
     path = written(scene="bar-wave", set=slow, vary={"time.safety": [0.4]})
     out = tmp_path / "out"
     command = [sys.executable, "-m", "workflow.cli", "study", str(path), "--out", str(out)]
