@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The jobs of a study, done by Snakemake; meanwhile a line says how far they are."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -111,13 +112,15 @@ def _call(
             stdout=log,
             stderr=subprocess.STDOUT,
             pass_fds=(lock,),  # held for as long as Snakemake is alive
-            start_new_session=True,  # so that it is interrupted once, below
+            start_new_session=True,  # so that it and its jobs are interrupted once, below
         )
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         _follow(process, runs, folder, console, began)
     except BaseException:
-        process.send_signal(signal.SIGINT)  # it ends its jobs; their checkpoints stay
+        # Snakemake alone would wait for its jobs; their checkpoints stay
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGINT)
         process.wait()
         console.print("stopped; the same command goes on from here")
         raise
