@@ -92,7 +92,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     The patch is no ellipse: its lower end reaches on to the shoulder, and its lateral half axis is
     a third longer than Hertz's.
     """
-    changes = {"time.end": 3.8e-7, "time.output_interval": 1.9e-7}  # usual steps
+    changes = {"time.end": 4e-7, "time.output_interval": 2e-7}
     run(Scene.load("flange-transition", **changes), tmp_path / "run", quiet=True)
     record = Record(tmp_path / "run")
     rest = at_rest(record)
@@ -100,8 +100,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     assert rest.error < 0.06
     assert rest.patch.angle == pytest.approx(rest.expected.angle, abs=1.0)
     found = rest.found
-    axes = found["half-space"][1:3]
-    assert found["nodes"][1:3] == pytest.approx(axes, abs=2e-3)  # half a cell; b is 1.3 cells
+    assert found["nodes"][1:3] == pytest.approx(found["half-space"][1:3], rel=0.15)
     assert found["half-space"][2] > 1.2 * found["Hertz"][2]
     log = (tmp_path / "run" / "run.log").read_text("utf-8")
     assert all(line in log for line in rest.lines())

@@ -11,6 +11,7 @@ import pytest
 from workflow import stability_matrix
 from workflow.audit_doubts import landing_gain
 from workflow.figures_stability import draw
+from workflow.scene import SceneError
 from workflow.stability import Case, cases
 from workflow.stability_limits import limit
 from workflow.stability_matrix import counts, judged_row, matrix, read
@@ -179,3 +180,15 @@ def test_command_line(tmp_path, monkeypatch, kind):
     found = json.loads(done.stdout)
     assert found["verdicts"][kind] == 1 and (tmp_path / "stability.png").is_file()
     assert isinstance(done.exception, GuardError) == (kind == "unseen")
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
+    """Before any cell is run."""
+    from typer.testing import CliRunner
+
+    from workflow.cli import app
+
+    (tmp_path / "file").write_text("")
+    done = CliRunner().invoke(app, ["stability", "--out", str(tmp_path / "file")])
+    assert isinstance(done.exception, SceneError)
+    assert "expected a folder that can be written" in str(done.exception)

@@ -13,7 +13,7 @@ import typer
 # one thread per rank: the threads of BLAS would fight over the cores of the other ranks
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from workflow import cli_model, cli_report, cli_results, cli_stability, cli_study
+from workflow import cli_model, cli_results, cli_stability, cli_study
 from workflow.command import (
     EXIT,
     Changes,
@@ -121,7 +121,7 @@ def _version(package: str) -> str:
     return ""
 
 
-for module in (cli_model, cli_results, cli_report, cli_study, cli_stability):
+for module in (cli_model, cli_results, cli_study, cli_stability):
     app.add_typer(module.verbs)
 
 

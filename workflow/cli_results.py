@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs that draw or measure: figures, bench."""
+"""Verbs that draw, tell or measure: figures, report, bench."""
 
 import json
 from pathlib import Path
@@ -12,6 +12,12 @@ from workflow.scene import SceneError
 
 verbs = typer.Typer()
 
+ResultFolder = Annotated[Path, typer.Argument(help="Result folder of a run.")]
+ModesFolder = Annotated[
+    Path | None,
+    typer.Option(help="Folder of squealx modes to mark in spectra; SCENE-modes beside FOLDER."),
+]
+
 
 @verbs.command(
     epilog=examples(
@@ -19,14 +25,7 @@ verbs = typer.Typer()
         "squealx figures runs/steady-curving --modes runs/flange-transition-modes",
     )
 )
-def figures(
-    folder: Annotated[Path, typer.Argument(help="Result folder of a run.")],
-    modes: Annotated[
-        Path | None,
-        typer.Option(help="Folder of squealx modes to mark in spectra; SCENE-modes beside FOLDER."),
-    ] = None,
-    as_json: Json = False,
-) -> None:
+def figures(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = False) -> None:
     """Draw the figures of a run into its folder figures/."""
     if not (folder / "results.h5").is_file():
         raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
@@ -39,6 +38,15 @@ def figures(
         print(json.dumps({"figures": [str(p) for p in paths]}))
     else:
         print("\n".join(map(str, paths)))
+
+
+@verbs.command(epilog=examples("squealx report runs/bar-impact"))
+def report(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = False) -> None:
+    """Write FOLDER/report.html: settings, results, figures, checks, how to do it again."""
+    from workflow.report import report as write
+
+    path = write(folder, modes)
+    print(json.dumps({"report": str(path)}) if as_json else path)
 
 
 @verbs.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))

@@ -30,9 +30,11 @@ def stability(
     from rich.console import Console
 
     from workflow.figures_stability import draw
+    from workflow.results import check_free
     from workflow.stability_limits import limits
     from workflow.stability_matrix import counts, matrix
 
+    check_free(out, resume=True)  # cells that are there are gone on from
     progress = Console(stderr=True)
 
     def log(line: str) -> None:
