@@ -97,8 +97,9 @@ def sampled_spectra(record: Record) -> "Figure | None":
             mark(axes, modes)
     every[-1].set_xlabel("frequency [kHz]")
     every[-1].set_xlim(0, reach(samples) / 1e3)
+    nodes_pass = passing(record)
     for axes in every:
-        mark_passing(axes, passing(record))
+        mark_passing(axes, nodes_pass)
     told = made(samples)
     if modes is not None:
         told += f"; ticks: modes of {modes.summary['part']}, coloured by direction"
