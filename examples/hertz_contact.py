@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from contact.closed_forms import contact_modulus, hertz_ellipse
+from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from workflow import Scene
 from workflow.model import build
 from workflow.starting import start

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.closed_forms import contact_modulus, hertz_ellipse
-from contact.kalker import coefficient, creep_force
+from contact.theory.closed_forms import contact_modulus, hertz_ellipse
+from contact.theory.kalker import coefficient, creep_force
 from workflow import Scene, run
 
 E, NU, RADIUS, CROWN = 210e9, 0.3, 0.46, 0.3

@@ -17,10 +17,10 @@ from dolfinx import fem, la
 from forms.cells import one_point
 from forms.elasticity import Elastic, full
 from forms.hourglass import one_point_residual
-from forms.inertia import lumped_mass
 from forms.kernel import CellKernel
-from meshes.blocks import block
+from forms.mass import lumped_mass
 from meshes.domain import distribute
+from meshes.shapes.blocks import block
 from meshes.tags import Tag
 from workflow.stepping import State, central_difference
 

@@ -15,11 +15,11 @@ import ufl
 from dolfinx import fem, la
 
 from forms.elasticity import full
-from forms.inertia import lumped_mass
 from forms.kernel import CellKernel
 from forms.loads import nodal_traction
-from meshes.blocks import block
+from forms.mass import lumped_mass
 from meshes.domain import distribute
+from meshes.shapes.blocks import block
 from meshes.tags import Tag
 from workflow.stepping import State, central_difference
 

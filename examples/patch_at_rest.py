@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.closed_forms import contact_modulus
-from meshes.placement import RADIUS, place, rail_in_track
-from meshes.profiles import s1002
-from meshes.surfaces import rail_surface, wheel_surface
+from contact.theory.closed_forms import contact_modulus
+from contact.theory.wheel_on_rail import expected
+from meshes.profiles.placement import RADIUS, place, rail_in_track
+from meshes.profiles.profiles import s1002
+from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow.at_rest import at_rest, half_axes
-from workflow.expected import expected
 from workflow.recorded import Record
 
 LOAD, MODULUS = 84e3, contact_modulus(210e9, 0.3, 210e9, 0.3)

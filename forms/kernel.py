@@ -10,8 +10,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from forms.cache import compiling
-from forms.native import TIMEOUT, NativeKernel, Unsupported
+from forms.simd.cache import compiling
+from forms.simd.native import TIMEOUT, NativeKernel, Unsupported
 
 Array = npt.NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class AssembledKernel:
     """The same by DOLFINx assembly, cell after cell, for any form that DOLFINx takes.
 
     Attributes:
-        reason: Why the form is not computed by :class:`forms.native.NativeKernel`.
+        reason: Why the form is not computed by :class:`forms.simd.native.NativeKernel`.
     """
 
     def __init__(self, form: Any, reason: str | None = None) -> None:

@@ -12,7 +12,7 @@ from ufl import min_value, tr
 from ufl.domain import extract_unique_domain
 
 from forms.cells import gradient_integral, per_point, positions, taylor, volume
-from forms.stability import cell_frequency, stable_step
+from forms.time_step import cell_frequency, stable_step
 
 LINEAR, QUADRATIC = 0.06, 1.5
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from meshes.hexmesh import HexMesh
-from meshes.placement import Placement
+from meshes.profiles.placement import Placement
 
 LIMIT = 2e9  # bytes of all files together
 ARRAYS = ("points", "cells", "regions", "facets", "surfaces")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
-from meshes.split import edges_of
 
 Array = npt.NDArray[np.float64]
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact.closed_forms import contact_modulus, hertz_ellipse
-from meshes.placement import RADIUS, place, rail_in_track
-from meshes.profiles import Profile, s1002
-from meshes.surfaces import rail_surface, wheel_surface
+from contact.theory.closed_forms import contact_modulus, hertz_ellipse
+from contact.theory.wheel_on_rail import expected, gap
+from meshes.profiles.placement import RADIUS, place, rail_in_track
+from meshes.profiles.profiles import Profile, s1002
+from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
 from workflow.at_rest import at_rest, half_axes, standing
-from workflow.expected import expected, gap
 from workflow.recorded import Patch, Record
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)

@@ -17,12 +17,12 @@ from dolfinx import fem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forms.attached import Attached, attached, joined, joined_step
-from forms.connections import Connections, Mean, PointMasses, Spread
 from forms.elasticity import Elastic, full, small_strain
-from forms.stability import assembled_frequency, cell_frequency, stable_step
-from meshes import blocks
+from forms.springs.connections import Connections, Mean, PointMasses, Spread
+from forms.springs.step_bound import Attached, attached, joined, joined_step
+from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain, distribute
+from meshes.shapes import blocks
 from workflow.stepping import State, central_difference, no_hold
 
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF

@@ -11,9 +11,9 @@ from mpi4py import MPI  # noqa: F401
 import numpy as np
 import pytest
 
-from contact.slip_waves import HalfSpace, slip_wave
 from contact.springs import springs
 from contact.tangent import shape_functions
+from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow import Scene, run
 from workflow.audit import in_words, report
 from workflow.audit_doubts import landing_gain

@@ -14,14 +14,14 @@ from dolfinx import fem, la
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forms.attached import attached, joined, joined_step
-from forms.between import Between
-from forms.connections import Connections, PointMasses
-from meshes import blocks
+from forms.springs.connections import Connections, PointMasses
+from forms.springs.node_to_facet import Between
+from forms.springs.step_bound import attached, joined, joined_step
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
-from meshes.seats import below
+from meshes.shapes import blocks
 from meshes.tags import Tag
+from meshes.wheel_rail.seats import below
 from workflow.stepping import State, central_difference, no_hold
 
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF

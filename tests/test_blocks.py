@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import blocks
 from meshes.hexmesh import HexMesh, boundary, join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 

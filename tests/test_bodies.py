@@ -9,11 +9,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.attached import attached, joined_step
-from forms.connections import Connections, Spread
 from forms.elasticity import Elastic
 from forms.elements import LAWS, Law
-from forms.point_masses import PointMasses
+from forms.springs.connections import Connections, Spread
+from forms.springs.point_masses import PointMasses
+from forms.springs.step_bound import attached, joined_step
 from workflow import Scene, run
 from workflow.bodies import step_bound
 from workflow.model import build

@@ -16,7 +16,8 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from forms import cache, kernel, native
+from forms import kernel
+from forms.simd import cache, native
 
 FORM = """
 from mpi4py import MPI

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshes import caps
 from meshes.hexmesh import boundary
 from meshes.quality import quality
+from meshes.shapes import caps
 from meshes.tags import Tag
 
 PLAN = caps.Footing((-0.03, 0.05), (0.0, 0.02), (-0.004, 0.01), (0.0, 0.003), 0.02, 0.001)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from contact import closed_forms as cf
+from contact.theory import closed_forms as cf
 
 # independent table: load, rail crown radius -> a (rolling), b (lateral), p0, approach;
 # wheel radius 0.46 m, steel E = 210 GPa, nu = 0.3

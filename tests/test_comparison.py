@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from contact.closed_forms import contact_modulus, hertz_sphere
+from contact.theory.closed_forms import contact_modulus, hertz_sphere
 from workflow import Scene, comparison, run
 from workflow.closed_form_error import closed_form_error
 from workflow.recorded import Record

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.connections import Connections, Mean, PointMasses, Spread
+from forms.springs.connections import Connections, Mean, PointMasses, Spread
 
 UP = np.array([0.0, 0.0, 1.0])
 NOTHING = np.zeros(3)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from forms.attached import attached
-from forms.dashpots import Dashpots, absorbing
 from forms.elasticity import Elastic
-from forms.point_masses import PointMasses
+from forms.springs.dashpots import Dashpots, absorbing
+from forms.springs.point_masses import PointMasses
+from forms.springs.step_bound import attached
 from workflow.energy import Ledger
 from workflow.model import Model, build
 from workflow.scene import Scene, SceneError

@@ -15,9 +15,9 @@ from dolfinx import fem
 
 from forms.elasticity import full
 from forms.kernel import CellIntegral
-from meshes import blocks
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
+from meshes.shapes import blocks
 from meshes.tags import Tag, tag
 
 

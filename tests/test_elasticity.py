@@ -11,9 +11,9 @@ from dolfinx import fem
 from forms.elasticity import Elastic, full, small_strain
 from forms.elements import LAWS
 from forms.kernel import CellIntegral, CellKernel
-from meshes import blocks
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes import blocks
 from meshes.hexmesh import HexMesh, join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 from workflow.fields import FieldWriter
 

@@ -10,8 +10,8 @@ import pytest
 import tomli_w
 
 from meshes.hexmesh import HexMesh, join
-from meshes.placement import lateral_shift_for, rail_in_track
-from meshes.profiles import s1002
+from meshes.profiles.placement import lateral_shift_for, rail_in_track
+from meshes.profiles.profiles import s1002
 from meshes.tags import Tag
 from workflow.fields import FieldWriter
 from workflow.results import CONTACT_UNITS

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from meshes import blocks, conform, files
+from meshes.formats import conform, read_write
 from meshes.hexmesh import HexMesh, join
 from meshes.quality import enclosed_volume, quality
+from meshes.shapes import blocks
 from meshes.tags import Tag
 from workflow import Scene, cli
 from workflow.geometry import mesh_of
@@ -124,17 +125,17 @@ def written(path: Path, mesh: HexMesh, **changes) -> Path:
 def told(path: Path, **options) -> str:
     """The message with which a file is refused."""
     with pytest.raises(ValueError) as caught:
-        files.read(path, **options)
+        read_write.read(path, **options)
     return str(caught.value)
 
 
-@pytest.mark.parametrize("ending", files.FORMATS)
+@pytest.mark.parametrize("ending", read_write.FORMATS)
 def test_written_and_read_again_nothing_changes(tmp_path, ending):
     """Every bit of the points, cells, regions, facets and surfaces, in order; own tags."""
     mesh, path = two_blocks(), tmp_path / f"mesh{ending}"
-    files.write(mesh, path)
+    read_write.write(mesh, path)
     log = []
-    again = files.read(path, log=log.append)
+    again = read_write.read(path, log=log.append)
     assert_same(mesh, again)
     assert not log
     assert again.names == {
@@ -142,35 +143,35 @@ def test_written_and_read_again_nothing_changes(tmp_path, ending):
     }
 
 
-@pytest.mark.parametrize("ending", files.FORMATS)
+@pytest.mark.parametrize("ending", read_write.FORMATS)
 def test_foreign_names_and_no_facets(tmp_path, ending):
     """Names of one's own come back as regions and surfaces; a mesh without facets is one too."""
     mesh, path = two_blocks(), tmp_path / f"mesh{ending}"
     names = {"my wheel": Tag.BLOCK, "plate_2": Tag.BASE, "running band": Tag.BLOCK_TOP}
     if ending == ".vtk":
         with pytest.raises(ValueError, match="'my wheel', 'running band'"):
-            files.write(mesh, path, names)
+            read_write.write(mesh, path, names)
         names = {name.replace(" ", "_"): tag for name, tag in names.items()}
-    files.write(mesh, path, names)
-    assert set(files.groups(path).regions) == {n for n in names if "band" not in n}
-    again = files.read(path)
+    read_write.write(mesh, path, names)
+    assert set(read_write.groups(path).regions) == {n for n in names if "band" not in n}
+    again = read_write.read(path)
     for name, tag in names.items():
         assert np.array_equal(again.regions == again.tag(name), mesh.regions == tag)
         assert np.array_equal(again.surface(again.tag(name)), mesh.surface(tag))
     assert min(again.tag(n) for n in names) >= 1000
     bare = replace(mesh, facets=mesh.facets[:0], surfaces=mesh.surfaces[:0])
-    files.write(bare, path)
-    assert_same(bare, files.read(path))
+    read_write.write(bare, path)
+    assert_same(bare, read_write.read(path))
 
 
 def test_gmsh_41_in_millimetres(tmp_path):
     """A hand-written 4.1 file: groups, scale, a stray node dropped, a quad turned outwards."""
     path = tmp_path / "two.msh"
     path.write_text(GMSH_41)
-    assert files.groups(path).regions == ("skin", "other cube")
-    assert files.groups(path).surfaces == ("skin", "far end")
+    assert read_write.groups(path).regions == ("skin", "other cube")
+    assert read_write.groups(path).surfaces == ("skin", "far end")
     log = []
-    mesh = files.read(path, scale=1e-3, log=log.append)
+    mesh = read_write.read(path, scale=1e-3, log=log.append)
     assert len(mesh.points) == 12 and np.ptp(mesh.points[:, 0]) == pytest.approx(2e-3)
     assert quality(mesh).volume == pytest.approx(2e-9, rel=1e-14)
     centres = mesh.points[mesh.cells].mean(axis=1)[:, 0]
@@ -205,7 +206,7 @@ def test_mesh_made_by_gmsh(tmp_path, version, binary):
         gmsh.write(str(tmp_path / "box.msh"))
     finally:
         gmsh.finalize()
-    mesh = files.read(tmp_path / "box.msh")
+    mesh = read_write.read(tmp_path / "box.msh")
     q = quality(mesh)
     assert len(mesh.cells) == 24 and q.volume == pytest.approx(6) == q.enclosed
     quads = mesh.points[mesh.surface(mesh.tag("left"))]
@@ -220,8 +221,8 @@ def test_cells_and_facets_the_wrong_way_round(tmp_path):
     cells[::2] = cells[::2][:, [3, 2, 1, 0, 7, 6, 5, 4]]
     facets[1::2] = facets[1::2, ::-1]
     path, log = tmp_path / "turned.msh", []
-    files.write(replace(mesh, cells=cells, facets=facets), path)
-    again = files.read(path, log=log.append)
+    read_write.write(replace(mesh, cells=cells, facets=facets), path)
+    again = read_write.read(path, log=log.append)
     assert enclosed_volume(again) == pytest.approx(enclosed_volume(mesh), rel=1e-13)
     same = [set(a) == set(b) for a, b in zip(again.facets, mesh.facets, strict=True)]
     assert all(same)
@@ -263,9 +264,9 @@ def test_what_cannot_be_used_is_refused_with_what_was_found(tmp_path):
     path.write_text("no mesh at all")
     assert "cannot read" in told(path)
     with pytest.raises(FileNotFoundError):
-        files.read(tmp_path / "none.msh")
+        read_write.read(tmp_path / "none.msh")
     with pytest.raises(ValueError, match=r"\.msh, \.vtu"):
-        files.write(mesh, tmp_path / "mesh.stl")
+        read_write.write(mesh, tmp_path / "mesh.stl")
 
 
 def test_groups_that_overlap_are_chosen_by_name(tmp_path):
@@ -279,7 +280,7 @@ def test_groups_that_overlap_are_chosen_by_name(tmp_path):
     meshio.Mesh(mesh.points, cells, cell_sets=sets, point_sets={"NTOP": top}).write(path)
     message = told(path)
     assert f"{len(upper)} hexahedra" in message and "'eall'" in message and "mesh.groups" in message
-    again = files.read(path, names={"Upper": "block", "LOWER": "base", "ntop": "block_top"})
+    again = read_write.read(path, names={"Upper": "block", "LOWER": "base", "ntop": "block_top"})
     assert np.array_equal(again.regions, mesh.regions)
     quads = {frozenset(q) for q in mesh.surface(Tag.BLOCK_TOP).tolist()}
     assert {frozenset(q) for q in again.surface(again.tag("block_top")).tolist()} == quads
@@ -291,8 +292,8 @@ def test_numbers_instead_of_names(tmp_path):
     mesh, path = two_blocks(), tmp_path / "mesh.vtu"
     data = {"MaterialIDs": [mesh.regions.astype(np.int32)]}
     meshio.Mesh(mesh.points, [("hexahedron", mesh.cells)], cell_data=data).write(path)
-    assert files.groups(path).regions == ("materialids 21", "materialids 22")
-    again = files.read(path, names={"MaterialIDs 21": "block", "MaterialIDs 22": "base"})
+    assert read_write.groups(path).regions == ("materialids 21", "materialids 22")
+    again = read_write.read(path, names={"MaterialIDs 21": "block", "MaterialIDs 22": "base"})
     assert np.array_equal(again.regions, mesh.regions)
 
 
@@ -311,7 +312,7 @@ def test_coincident_nodes_are_told():
 def scene_by_file(folder: Path, name: str, ending: str = ".msh", **changes) -> Path:
     """Export the mesh of a scene and write the scene that reads it; return its path."""
     scene = Scene.load(name, **changes)
-    files.write(mesh_of(scene)[0], folder / f"{name}{ending}")
+    read_write.write(mesh_of(scene)[0], folder / f"{name}{ending}")
     tables = scene.tables()
     tables["mesh"] = {"kind": "file", "path": f"{name}{ending}", "size": scene.mesh.size}
     path = folder / f"{name}-by-file.toml"
@@ -390,7 +391,7 @@ def test_contact_surfaces_lie_outside(tmp_path):
         facets=np.vstack([mesh.facets, inner]),
         surfaces=np.append(mesh.surfaces, np.full(4, Tag.BLOCK_BOTTOM)).astype(np.int32),
     )
-    files.write(merged, tmp_path / "merged.msh")
+    read_write.write(merged, tmp_path / "merged.msh")
     path = scene_by_file(tmp_path, "sliding-block")
     changed = {"mesh.path": str(tmp_path / "merged.msh"), "contacts.face.target": "xmax"}
     scene = Scene.load(path, **changed, **{"supports": [], "equilibrium": None})
@@ -403,7 +404,7 @@ def test_rolling_on_a_mesh_file(tmp_path):
     """Without centre and radius refused by name; with them the wheel spins as the placed one."""
     scene = Scene.load("flange-transition", **{"mesh.size": 0.008})
     mesh, placement = mesh_of(scene)
-    files.write(mesh, tmp_path / "wheel.msh")
+    read_write.write(mesh, tmp_path / "wheel.msh")
     tables = scene.tables() | {"mesh": {"kind": "file", "path": str(tmp_path / "wheel.msh")}}
     with pytest.raises(SceneError, match=r"mesh\.wheel_centre, mesh\.rolling_radius: missing"):
         Scene.check(tables)
@@ -434,7 +435,7 @@ def test_export_command(tmp_path, monkeypatch, capfd):
     found = json.loads(out)
     mesh = mesh_of(Scene.load("sliding-block", **{"mesh.size": 4e-3}))[0]
     assert code == 0 and found["cells"] == len(mesh.cells)
-    assert_same(mesh, files.read("block.vtu"))
+    assert_same(mesh, read_write.read("block.vtu"))
     code, out, _ = call("bar-wave", "bar.msh")
     table = tomllib.loads(out[out.index("[mesh]") :])["mesh"]
     tables = Scene.load("bar-wave").tables() | {"mesh": table}
@@ -457,7 +458,7 @@ def test_names_of_the_file_reach_log_and_figures(tmp_path):
     mesh = mesh_of(scene)[0]
     names = {mesh.name(t): t for t in np.unique(mesh.surfaces).tolist()}
     names |= {"upper part": Tag.BLOCK, "plate": Tag.BASE}
-    files.write(mesh, tmp_path / "mesh.msh", names)
+    read_write.write(mesh, tmp_path / "mesh.msh", names)
     tables = scene.tables() | {"mesh": {"kind": "file", "path": str(tmp_path / "mesh.msh")}}
     tables["bodies"]["block"]["regions"] = ["Upper Part"]
     tables["bodies"]["base"]["regions"] = ["plate"]

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from contact.closed_forms import contact_modulus, hertz_ellipse
-from contact.half_space import half_space_contact
+from contact.theory.closed_forms import contact_modulus, hertz_ellipse
+from contact.theory.half_space import half_space_contact
 
 MODULUS, LOAD, WHEEL = contact_modulus(210e9, 0.3, 210e9, 0.3), 1e5, 0.46
 

@@ -13,8 +13,8 @@ from forms.cells import CellGrad, mean_gradient, one_point, per_point, positions
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.hourglass import hourglass, hourglass_energy, one_point_residual
 from forms.kernel import CellIntegral, CellKernel
-from meshes import blocks
 from meshes.domain import Domain, distribute
+from meshes.shapes import blocks
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)
 SCALINGS = [None, 0.1]

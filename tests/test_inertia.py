@@ -9,10 +9,10 @@ import pytest
 from dolfinx import fem
 
 from forms.elasticity import full
-from forms.inertia import lumped_mass
-from meshes import blocks
+from forms.mass import lumped_mass
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 DENSITIES: dict[tuple[int, ...], float] = {(int(Tag.BLOCK),): 7800.0, (int(Tag.BASE),): 2400.0}

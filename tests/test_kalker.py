@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from contact import kalker
+from contact.theory import kalker
 
 
 @pytest.mark.parametrize(

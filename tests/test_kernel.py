@@ -12,8 +12,8 @@ from ufl import grad, inner
 
 from forms.elasticity import Elastic, full, small_strain
 from forms.kernel import CellIntegral, CellKernel
-from meshes import blocks
 from meshes.domain import Domain, distribute
+from meshes.shapes import blocks
 
 STEEL = Elastic(210e9, 0.3, 7800.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from forms.loads import DeadLoad, DriveTorque, MassDamping, nodal_traction
-from meshes import blocks
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 AXIS = np.array([0.6, 0.0, 0.8])

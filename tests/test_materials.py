@@ -16,13 +16,13 @@ from forms.cells import one_point
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.elements import LAWS, internal_work, strain_energy
 from forms.hourglass import hourglass
-from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
+from forms.mass import lumped_mass
 from forms.materials import Orthotropic, hooke_energy, neo_hookean, neo_hookean_energy
-from forms.stability import cell_frequency, stable_step
+from forms.time_step import cell_frequency, stable_step
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
-from meshes import blocks
 from meshes.domain import Domain, distribute
+from meshes.shapes import blocks
 from meshes.tags import Tag
 from workflow.stepping import State, central_difference
 

@@ -7,8 +7,9 @@ import os
 import numpy as np
 import pytest
 
-from meshes import blocks, cache
-from meshes.placement import Placement
+from meshes import cache
+from meshes.profiles.placement import Placement
+from meshes.shapes import blocks
 from workflow import Scene
 from workflow.geometry import mesh_of
 

@@ -8,12 +8,12 @@ import pytest
 import ufl
 
 from forms.elasticity import Elastic, exact, full, small_strain
-from forms.inertia import lumped_mass
-from forms.stability import assembled_frequency, cell_frequency
+from forms.mass import lumped_mass
+from forms.time_step import assembled_frequency, cell_frequency
 from meshes.domain import distribute
 from meshes.quality import quality
-from meshes.track import rail
-from meshes.wheelset import wheelset
+from meshes.wheel_rail.rail import rail
+from meshes.wheel_rail.wheelset import wheelset
 
 ZONE = (-0.03, 0.03)
 STEEL = Elastic(210e9, 0.3, 7800.0)

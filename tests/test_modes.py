@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from meshes.quality import quality
-from meshes.turned import turned_wheel
+from meshes.wheel_rail.wheel import turned_wheel
 from workflow import Scene, cli
 from workflow.modes import matched, modes
 from workflow.modes_labels import Mode, labelled

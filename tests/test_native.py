@@ -42,9 +42,9 @@ from forms.cells import one_point as one_point_measure
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.hourglass import one_point_residual
 from forms.kernel import AssembledKernel, CellKernel
-from forms.native import NativeKernel, Unsupported, this_host
-from meshes import blocks
+from forms.simd.native import NativeKernel, Unsupported, this_host
 from meshes.domain import Domain, distribute
+from meshes.shapes import blocks
 
 STEEL = Elastic(210.0, 0.3, 7.8)
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF
@@ -227,7 +227,7 @@ def test_single_precision_keeps_values_that_are_used_themselves():
 def test_registers_of_any_width(monkeypatch, width, dtype, tolerance):
     """Lanes of SSE2 and NEON, AVX2, and AVX-512: the compiler splits what the machine lacks."""
     host = replace(this_host(), vector_bytes=width)
-    monkeypatch.setattr("forms.native.this_host", lambda: host)
+    monkeypatch.setattr("forms.simd.native.this_host", lambda: host)
     domain, tags = box((3, 3, 3))
     assert difference(tags_and_degrees(domain, tags, 3), dtype) < tolerance
 

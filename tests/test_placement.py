@@ -2,12 +2,12 @@
 import numpy as np
 import pytest
 
-from meshes.measured import from_points
-from meshes.outline import gap_function, outline
-from meshes.placement import lateral_shift_for, place, placed, rail_in_track
-from meshes.profiles import rail_54e1, s1002, shifted
+from meshes.profiles.from_points import from_points
+from meshes.profiles.outline import gap_function, outline
+from meshes.profiles.placement import lateral_shift_for, place, placed, rail_in_track
+from meshes.profiles.profiles import rail_54e1, s1002, shifted
 from meshes.tags import Tag
-from meshes.wheelset import wheelset
+from meshes.wheel_rail.wheelset import wheelset
 
 
 def cone(slope):

@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from meshes.measured import from_csv, from_points
-from meshes.placement import rail_in_track
-from meshes.profiles import RAILS, inclined, rail, rail_54e1, s1002
+from meshes.profiles.from_points import from_csv, from_points
+from meshes.profiles.placement import rail_in_track
+from meshes.profiles.profiles import RAILS, inclined, rail, rail_54e1, s1002
 
 
 def test_s1002_flange():

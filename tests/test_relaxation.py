@@ -13,7 +13,7 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from forms.stability import assembled_frequency
+from forms.time_step import assembled_frequency
 from workflow import Scene
 from workflow.equilibrium import Solver, equilibrium
 from workflow.guards import GuardError

@@ -15,8 +15,8 @@ from dolfinx import fem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forms.batches import batches, by_lane, integral_cells, last_to_the_end
 from forms.simd import Formatter
+from forms.simd.batches import batches, by_lane, integral_cells, last_to_the_end
 from forms.simd.tensor import evaluate, factorise, scatter, scatter_together
 
 X, Y = (L.Symbol(name, L.DataType.SCALAR) for name in "xy")

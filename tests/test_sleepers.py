@@ -6,10 +6,10 @@ import pytest
 
 from meshes.hexmesh import HexMesh
 from meshes.quality import quality, scaled_jacobians, volumes
-from meshes.seats import below, parts, shares
-from meshes.sleepers import places, sleepers
 from meshes.tags import Tag
-from meshes.track import rail
+from meshes.wheel_rail.rail import rail
+from meshes.wheel_rail.seats import below, parts, shares
+from meshes.wheel_rail.sleepers import places, sleepers
 
 NS90 = {"spacing": 0.6, "length": 1.26, "width": 0.30, "height": 0.23, "pad": 0.01}
 CONCRETE = 2520.0

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from forms.elasticity import Elastic, full
 from forms.elements import LAWS, internal_work
 from forms.materials import Orthotropic
-from forms.stability import assembled_frequency, cell_frequency, stable_step
-from meshes import blocks
+from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
+from meshes.shapes import blocks
 
 RHO = 7800.0
 CASES = [
@@ -171,7 +171,7 @@ def test_largest_cell_is_found_where_its_norm_is_not_the_largest(monkeypatch):
     alone = [cell_frequency(d.V, k, m) for d, k, m in (body(mesh, 0.0) for mesh in (slab, cube))]
     side = alone[1] / (0.98 * alone[0])  # frequency goes with 1 / size
     cube = blocks.block((2, 0, 0), (2 + side, side, side), cells=(1, 1, 1))
-    monkeypatch.setattr("forms.stability.CHUNK", 1)
+    monkeypatch.setattr("forms.time_step.CHUNK", 1)
     domain, residual, inertia = body(join(slab, cube), 0.0)
     assert cell_frequency(domain.V, residual, inertia) == pytest.approx(alone[0], rel=1e-9)
 

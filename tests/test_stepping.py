@@ -6,7 +6,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.connections import Connections, PointMasses
+from forms.springs.connections import Connections, PointMasses
 from workflow import guards
 from workflow.attachments import Supports
 from workflow.model import Model, build

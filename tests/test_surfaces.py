@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from meshes.outline import contact_angle, outline
-from meshes.placement import RADIUS, TAPE, place, rail_in_track
-from meshes.profiles import s1002
-from meshes.surfaces import rail_surface, wheel_surface
+from meshes.profiles.outline import contact_angle, outline
+from meshes.profiles.placement import RADIUS, TAPE, place, rail_in_track
+from meshes.profiles.profiles import s1002
+from meshes.profiles.surfaces import rail_surface, wheel_surface
 
 YAW, ROLL = 0.02, 0.003
 WHEEL, RAIL = s1002(), rail_in_track()

@@ -2,15 +2,15 @@
 import numpy as np
 import pytest
 
+from meshes.generate.refine import edges_of, trisect
 from meshes.hexmesh import FACES, boundary
-from meshes.measured import from_points
-from meshes.placement import rail_in_track
-from meshes.profiles import rail_54e1
+from meshes.profiles.from_points import from_points
+from meshes.profiles.placement import rail_in_track
+from meshes.profiles.profiles import rail_54e1
 from meshes.quality import quality, volumes
-from meshes.rail_section import completed
-from meshes.split import edges_of, trisect
 from meshes.tags import Tag
-from meshes.track import rail as track
+from meshes.wheel_rail.rail import rail as track
+from meshes.wheel_rail.rail_section import completed
 
 
 @pytest.fixture(scope="module", params=[8e-3, 4e-3, pytest.param(2e-3, marks=pytest.mark.slow)])

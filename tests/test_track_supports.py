@@ -10,16 +10,16 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.beams import beam_section, foundation_deflection
-from forms.between import Between
-from forms.connections import Connections, Mean, Spread
-from forms.dashpots import Dashpots
 from forms.loads import nodal_traction
-from meshes import files
+from forms.springs.connections import Connections, Mean, Spread
+from forms.springs.dashpots import Dashpots
+from forms.springs.node_to_facet import Between
+from meshes.formats import read_write
 from meshes.hexmesh import HexMesh, join
-from meshes.sleepers import sleepers
 from meshes.tags import Tag
-from meshes.track import rail
+from meshes.wheel_rail.rail import rail
+from meshes.wheel_rail.sleepers import sleepers
+from tests.beams import beam_section, foundation_deflection
 from workflow.equilibrium import equilibrium
 from workflow.model import Model, build
 from workflow.scene import Scene, SceneError
@@ -60,7 +60,7 @@ def scene(
     """A rail on its track, from a mesh file."""
     upper, below = rail_and_sleepers(length, inclination)
     path = folder / "track.msh"
-    files.write(join(upper, below) if solid else upper, path)
+    read_write.write(join(upper, below) if solid else upper, path)
     bodies = {"rail": {"regions": ["rail_head", "rail_web", "rail_foot"], "material": STEEL}}
     held = []
     if solid:

@@ -16,8 +16,8 @@ from scipy.sparse.linalg import spsolve
 
 from forms.elasticity import Elastic, full
 from forms.elements import LAWS, internal_work
-from meshes import blocks
 from meshes.domain import distribute
+from meshes.shapes import blocks
 
 ELEMENTS = [("full", None), ("selective", None), ("one-point", None), ("one-point", 0.1)]
 FULL, SELECTIVE, POINT, SOFTER = ELEMENTS

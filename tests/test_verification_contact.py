@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contact import ContactPair
-from contact.closed_forms import bar_impact, sliding_stop
+from contact.theory.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
 from workflow.model import Model, build
 from workflow.starting import start

@@ -13,8 +13,8 @@ from ufl import as_vector, cos, div, grad, inner, sin, sym
 from forms.elasticity import Elastic, full
 from forms.elements import LAWS, internal_work
 from forms.materials import Orthotropic
-from meshes import blocks
 from meshes.domain import distribute
+from meshes.shapes import blocks
 
 STEEL = Elastic(1.0, 0.3, 1.0)
 WOOD = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.45, 0.5), (0.7, 0.65, 0.05), 1.0)

@@ -14,10 +14,10 @@ from forms.elasticity import Elastic, full
 from forms.elements import LAWS, control_energy, internal_work, strain_energy
 from forms.kernel import CellKernel
 from forms.materials import Orthotropic
-from forms.native import NativeKernel
-from meshes import blocks
+from forms.simd.native import NativeKernel
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import boundary, join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)

@@ -20,10 +20,10 @@ from ufl import Identity, det, grad, inner, ln, sym, tr
 
 from forms.elasticity import Elastic, full, small_strain, st_venant_kirchhoff
 from forms.kernel import CellKernel
-from forms.native import NativeKernel
-from meshes import blocks
+from forms.simd.native import NativeKernel
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import boundary, join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from contact import ContactPair, Surface, exponential, rigid_plane, with_memory
-from contact.closed_forms import stick_slip_period
+from contact.theory.closed_forms import stick_slip_period
 
 PENALTY = 0.2
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from contact.closed_forms import (
+from contact.theory.closed_forms import (
     Hertz,
     cattaneo_mindlin,
     contact_modulus,

@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 from dolfinx import la
 
-from forms.connections import Connections, PointMasses
+from forms.springs.connections import Connections, PointMasses
 from workflow.model import Model, build
 from workflow.scene import Scene
 from workflow.stepping import central_difference

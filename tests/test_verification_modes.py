@@ -9,17 +9,17 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from forms.beams import beam_section, foundation_deflection, pinned_frequency
 from forms.elasticity import Elastic, full
 from forms.elements import LAWS, internal_work
-from forms.inertia import lumped_mass
 from forms.kernel import compiled
-from meshes.blocks import block
+from forms.mass import lumped_mass
 from meshes.domain import Domain, distribute
+from meshes.generate.sweep import extrude
 from meshes.hexmesh import HexMesh, boundary
-from meshes.rail_section import rail_section
-from meshes.sweep import extrude
+from meshes.shapes.blocks import block
 from meshes.tags import Tag
+from meshes.wheel_rail.rail_section import rail_section
+from tests.beams import beam_section, foundation_deflection, pinned_frequency
 from workflow import Scene
 from workflow.modes import modes
 from workflow.modes_solve import spectrum

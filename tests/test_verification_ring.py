@@ -16,11 +16,11 @@ from ufl import Identity, det, dot, grad, inv
 from forms.cells import one_point, uniform
 from forms.elasticity import Elastic, full, green_lagrange
 from forms.elements import LAWS, control_energy, internal_work, strain_energy
-from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral
+from forms.mass import lumped_mass
 from forms.materials import Orthotropic
-from forms.native import NativeKernel
-from forms.stability import cell_frequency, stable_step
+from forms.simd.native import NativeKernel
+from forms.time_step import cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from meshes.tags import Tag

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from contact import kalker
-from contact.closed_forms import (
+from contact.theory import kalker
+from contact.theory.closed_forms import (
     carter_creepage,
     carter_stick_ratio,
     carter_traction,

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.closed_forms import contact_modulus, hertz_ellipse
+from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from workflow import Scene, run
 
 DATA = Path(__file__).parent / "data"

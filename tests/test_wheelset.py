@@ -3,14 +3,14 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meshes.axle import Axle
 from meshes.hexmesh import FACES, boundary
-from meshes.measured import from_points
-from meshes.placement import lateral_shift_for, placed
-from meshes.profiles import s1002
+from meshes.profiles.from_points import from_points
+from meshes.profiles.placement import lateral_shift_for, placed
+from meshes.profiles.profiles import s1002
 from meshes.quality import quality, volumes
 from meshes.tags import Tag
-from meshes.wheelset import wheelset
+from meshes.wheel_rail.axle import Axle
+from meshes.wheel_rail.wheelset import wheelset
 
 
 @pytest.fixture(scope="module", params=[8e-3, 4e-3, pytest.param(2e-3, marks=pytest.mark.slow)])

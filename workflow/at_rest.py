@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from contact.closed_forms import contact_modulus
 from contact.creepage import rigid_motion
-from meshes.placement import Placement, rail_in_track
-from meshes.surfaces import Surface, rail_surface, wheel_surface
+from contact.theory.closed_forms import contact_modulus
+from contact.theory.wheel_on_rail import Expected, expected, softened
+from meshes.profiles.placement import Placement, rail_in_track
+from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.body_tables import Isotropic
-from workflow.expected import Expected, expected, softened
 from workflow.geometry import placement_of, profiles_of
 from workflow.mesh_tables import WheelRailMesh
 from workflow.recorded import Patch, Record, patches_of

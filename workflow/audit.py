@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem, la
 
 from forms.kernel import CellKernel
-from forms.stability import cell_frequency, stable_step
+from forms.time_step import cell_frequency, stable_step
 from workflow.guards import place
 from workflow.model import Model, build
 from workflow.scene import Scene

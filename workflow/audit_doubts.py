@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contact.slip_waves import HalfSpace, slip_wave
+from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow.bodies import isotropic
 from workflow.body_tables import Isotropic
 from workflow.guards import sides

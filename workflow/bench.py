@@ -22,7 +22,8 @@ import ffcx
 import numpy as np
 from dolfinx import jit
 
-from forms import kernel, native
+from forms import kernel
+from forms.simd import native
 from workflow import bench_cases as cases
 from workflow import bench_roofline as roofline
 

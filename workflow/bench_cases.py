@@ -25,12 +25,12 @@ from contact.pair import ContactPair
 from contact.surface import surface
 from forms import kernel
 from forms.elasticity import full, small_strain, st_venant_kirchhoff
-from forms.inertia import lumped_mass
 from forms.kernel import CellKernel
-from forms.native import NativeKernel
-from meshes import blocks
+from forms.mass import lumped_mass
+from forms.simd.native import NativeKernel
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
+from meshes.shapes import blocks
 from meshes.tags import Tag
 from workflow.bench_forms import FORMS, REFERENCE, STEEL
 from workflow.stepping import State, central_difference, no_hold

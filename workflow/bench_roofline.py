@@ -11,7 +11,7 @@ import numpy as np
 import ufl
 
 from forms.elasticity import full
-from forms.native import this_host
+from forms.simd.native import this_host
 from meshes.domain import Domain
 from workflow.bench_cases import (
     MATRIX,

@@ -8,13 +8,13 @@ import numpy as np
 import ufl
 
 from forms import elements
-from forms.attached import NONE, Attached, as_springs, attached, joined, joined_step
 from forms.cells import one_point
-from forms.connections import Connections
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
 from forms.kernel import Array
-from forms.stability import assembled_frequency, cell_frequency
+from forms.springs.connections import Connections
+from forms.springs.step_bound import NONE, Attached, as_springs, attached, joined, joined_step
+from forms.time_step import assembled_frequency, cell_frequency
 from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain
 from workflow.body_tables import Body, Isotropic
@@ -220,7 +220,7 @@ def damped_bound(
         attachments: Springs and dampers.
         damping: Largest stiffness- and mass-proportional damping [s], [1/s].
         dt: A stable step [s].
-        room: As in :func:`forms.attached.joined_step`.
+        room: As in :func:`forms.springs.step_bound.joined_step`.
         contact: Bound of K/M of contact springs that do not depend on the step [1/s²].
         iterations: Lanczos runs.
     """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact.closed_forms import bar_impact, carter_creepage, cattaneo_mindlin
+from contact.theory.closed_forms import bar_impact, carter_creepage, cattaneo_mindlin
 from workflow import sample_table
 from workflow.body_tables import Isotropic
 from workflow.figures_closed_forms import Smooth, checked, smooth

@@ -13,7 +13,7 @@ from workflow.recorded import Patch, Record
 from workflow.theme import Array
 
 if TYPE_CHECKING:
-    from contact.closed_forms import Hertz
+    from contact.theory.closed_forms import Hertz
     from workflow.scene import Scene
 
 Curve = tuple[str, Array, Array]  # label, times [s], forces [N]
@@ -47,7 +47,7 @@ class Smooth:
     @property
     def modulus(self) -> float:
         """Contact modulus E* [Pa]."""
-        from contact.closed_forms import contact_modulus
+        from contact.theory.closed_forms import contact_modulus
 
         return contact_modulus(*self.moduli[0], *self.moduli[1])
 
@@ -57,7 +57,7 @@ class Smooth:
 
     def hertz(self, force: float) -> "Hertz":
         """Return Hertz's contact under a normal force on the model [N]."""
-        from contact.closed_forms import hertz_ellipse, hertz_line
+        from contact.theory.closed_forms import hertz_ellipse, hertz_line
 
         load = self.whole(force)
         if self.plane:
@@ -147,7 +147,7 @@ def closed_forms(record: Record, pair: str) -> list[Curve]:
     speed = abs((next(iter(scene.bodies.values())).velocity or (0.0,))[0])
     friction = contact.friction
     if isinstance(mesh, BlocksMesh) and speed and isinstance(friction, float) and friction:
-        from contact.closed_forms import sliding_stop
+        from contact.theory.closed_forms import sliding_stop
 
         density: Any = next(iter(scene.bodies.values())).material
         mass = density.density * mesh.block[0] * mesh.block[1] * mesh.block[2]
@@ -159,7 +159,7 @@ def closed_forms(record: Record, pair: str) -> list[Curve]:
 
 def _bar(scene: "Scene", contact: Any) -> list[Curve]:
     """Return the force of a bar on a rigid wall."""
-    from contact.closed_forms import bar_impact
+    from contact.theory.closed_forms import bar_impact
     from workflow.body_tables import Isotropic
     from workflow.sections import RigidWall
 
@@ -211,8 +211,8 @@ def _imposed(scene: "Scene") -> Array | None:
 
 def _creep(record: Record, bodies: Smooth, pair: str) -> list[Curve]:
     """Return the tangential force at the imposed creepage and the last normal force."""
-    from contact import kalker
-    from contact.closed_forms import carter_creepage
+    from contact.theory import kalker
+    from contact.theory.closed_forms import carter_creepage
 
     scene = checked(record)
     friction, creepage = scene.contacts[pair].friction, _imposed(scene)

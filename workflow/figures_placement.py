@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from meshes.outline import Gap
-    from meshes.placement import Placement
-    from meshes.profiles import Profile
+    from meshes.profiles.outline import Gap
+    from meshes.profiles.placement import Placement
+    from meshes.profiles.profiles import Profile
 
 MM = 1e3
 SPACING = 5e-5  # of the points of the wheel's outline [m]
@@ -32,8 +32,8 @@ def placement(record: Record) -> "Figure | None":
     """Outlines of wheel and rail in the track, windows on tread and flange, and the gap between."""
     if not record.wheel_on_rail:
         return None
-    from meshes.outline import gap_function
-    from meshes.placement import rail_in_track
+    from meshes.profiles.outline import gap_function
+    from meshes.profiles.placement import rail_in_track
     from workflow.geometry import placement_of, profiles_of
     from workflow.mesh_tables import WheelRailMesh
     from workflow.scene import Scene

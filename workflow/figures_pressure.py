@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from contact.closed_forms import Hertz
+    from contact.theory.closed_forms import Hertz
 
 MM, MPA = 1e3, 1e-6
 EXACT: dict[str, Any] = {"color": theme.CLOSED_FORM, "lw": 3.5}
@@ -81,7 +81,7 @@ def _traction(
 
     The closed form takes x in plane strain, the distance from the centre else [m].
     """
-    from contact.closed_forms import carter_stick_ratio, carter_traction, cattaneo_mindlin
+    from contact.theory.closed_forms import carter_stick_ratio, carter_traction, cattaneo_mindlin
 
     scene = checked(record)
     friction = next(iter(scene.contacts.values())).friction

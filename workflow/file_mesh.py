@@ -10,7 +10,7 @@ from workflow.quantities import Length, Position
 from workflow.sections import Section
 
 if TYPE_CHECKING:
-    from meshes.contents import Groups
+    from meshes.formats.contents import Groups
 
 
 class FileMesh(Section):
@@ -47,7 +47,7 @@ class FileMesh(Section):
     @property
     def names(self) -> "Groups":
         """Names of the groups that are used; read from the file."""
-        from meshes.contents import groups
+        from meshes.formats.contents import groups
 
         try:
             return groups(self.path).chosen(self.groups)

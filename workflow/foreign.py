@@ -36,10 +36,10 @@ def mesh_from_file(
     Raises:
         SceneError: if the file cannot be used, or not for this scene.
     """
-    from meshes import files
+    from meshes.formats import read_write
 
     try:
-        mesh = files.read(table.path, scale=table.scale, names=table.groups, log=log)
+        mesh = read_write.read(table.path, scale=table.scale, names=table.groups, log=log)
     except (ValueError, OSError) as error:
         raise SceneError(f"mesh.path = {table.path!r}: {error}") from None
     if wrong := list(unfit_surfaces(scene, mesh)):
@@ -51,7 +51,7 @@ def mesh_from_file(
 
 def unfit_surfaces(scene: Scene, mesh: HexMesh) -> Iterator[str]:
     """Yield a line for every surface without facets, and for contact surfaces inside the mesh."""
-    from meshes.conform import matched
+    from meshes.formats.conform import matched
 
     for key, name in scene.surfaces():
         facets = mesh.surface(mesh.tag(name))
@@ -72,15 +72,15 @@ def export(scene: Scene, path: Path) -> dict[str, Any]:
     Raises:
         SceneError: if the file cannot be written, or not in that format.
     """
-    from meshes import files
+    from meshes.formats import read_write
     from workflow.geometry import mesh_of
 
-    if path.suffix.lower() not in files.FORMATS:
-        expected = ", ".join(files.FORMATS)
+    if path.suffix.lower() not in read_write.FORMATS:
+        expected = ", ".join(read_write.FORMATS)
         raise SceneError(f"file = {str(path)!r}: expected a name ending in one of {expected}")
     mesh, placement = mesh_of(scene)
     try:
-        files.write(mesh, path)
+        read_write.write(mesh, path)
     except (ValueError, OSError) as error:
         raise SceneError(f"file = {str(path)!r}: {error}") from None
     tags, counts = np.unique(mesh.regions, return_counts=True)

@@ -17,9 +17,9 @@ from workflow.mesh_tables import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Wheel
 from workflow.scene import Scene, SceneError
 
 if TYPE_CHECKING:
-    from meshes.measured import Kind
-    from meshes.placement import Placement
-    from meshes.profiles import Profile
+    from meshes.profiles.from_points import Kind
+    from meshes.profiles.placement import Placement
+    from meshes.profiles.profiles import Profile
 
 
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
@@ -44,7 +44,7 @@ def cell_size(scene: Scene, mesh: HexMesh) -> float:
     """Return the edge of the cells where bodies touch [m]; of a file, its shortest if not told."""
     if scene.mesh.size is not None:
         return scene.mesh.size
-    from meshes.split import edges_of
+    from meshes.generate.refine import edges_of
 
     edges, _ = edges_of(mesh.cells)
     return float(np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1).min())
@@ -70,7 +70,7 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
         from workflow.foreign import mesh_from_file
 
         return mesh_from_file(scene, mesh, log)
-    from meshes import blocks
+    from meshes.shapes import blocks
 
     if isinstance(mesh, BarMesh):
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
@@ -85,7 +85,7 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
 
 def block_on_base(mesh: BlocksMesh) -> HexMesh:
     """Return a block that rests near the start of a longer base, free to slide in +x."""
-    from meshes import blocks
+    from meshes.shapes import blocks
 
     (length, width, height), (base_length, base_width, depth) = mesh.block, mesh.base
     start = (base_width - width) / 2
@@ -107,7 +107,7 @@ def block_on_base(mesh: BlocksMesh) -> HexMesh:
 
 def curved_on_curved(mesh: CurvedMesh) -> HexMesh:
     """Return two curved bodies that touch at the origin."""
-    from meshes import caps
+    from meshes.shapes import caps
 
     fine = mesh.fine_y or mesh.y
     shape = (mesh.x, mesh.y, mesh.fine_x, fine)
@@ -151,13 +151,13 @@ def check_profiles(scene: Scene) -> None:
 
 def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "Profile":
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
-    from meshes import measured, profiles
+    from meshes.profiles import from_points, profiles
 
     built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
     if name in built_in:
         return profiles.s1002() if kind == "wheel" else profiles.rail(name)
     try:
-        return measured.from_csv(name, kind=kind, smoothing=smoothing)
+        return from_points.from_csv(name, kind=kind, smoothing=smoothing)
     except (ValueError, OSError) as error:
         expected = f"expected one of {', '.join(built_in)} or a CSV file"
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
@@ -169,8 +169,8 @@ def profiles_of(mesh: WheelRailMesh) -> "tuple[Profile, Profile, str]":
     Raises:
         SceneError: naming the key of a profile that cannot be used.
     """
-    from meshes.profiles import RAILS
-    from meshes.rail_section import completed
+    from meshes.profiles.profiles import RAILS
+    from meshes.wheel_rail.rail_section import completed
 
     wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
     head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
@@ -189,8 +189,8 @@ def placement_of(scene: Scene) -> "Placement":
     Raises:
         SceneError: if a profile cannot be used or no lateral position leaves the flange gap.
     """
-    from meshes import placement
-    from meshes.stations import flange_of
+    from meshes.profiles import placement
+    from meshes.profiles.stations import flange_of
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
@@ -227,10 +227,10 @@ def cached_wheel_on_rail(
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     """Return wheelset and rail in the track position, and the placement of the wheel."""
-    from meshes.placement import placed
-    from meshes.sleepers import sleepers
-    from meshes.track import rail
-    from meshes.wheelset import wheelset
+    from meshes.profiles.placement import placed
+    from meshes.wheel_rail.rail import rail
+    from meshes.wheel_rail.sleepers import sleepers
+    from meshes.wheel_rail.wheelset import wheelset
 
     position = placement_of(scene)
     zone = rolling_zone(scene)

@@ -21,9 +21,9 @@ from dolfinx import fem, la
 from scipy.optimize import brentq
 
 from contact.springs import Springs, springs
-from forms.attached import NONE, as_springs, attached, joined
 from forms.kernel import CellKernel
-from forms.stability import largest_eigenvalue
+from forms.springs.step_bound import NONE, as_springs, attached, joined
+from forms.time_step import largest_eigenvalue
 from workflow.bodies import Bodies, step_bound
 from workflow.contact_step import contact_surfaces
 from workflow.guards import sides

@@ -13,11 +13,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.inertia import lumped_mass
-from forms.stability import cell_frequencies
+from forms.mass import lumped_mass
+from forms.time_step import cell_frequencies
+from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh
 from meshes.quality import enclosed_volume, scaled_jacobians, volumes
-from meshes.split import edges_of
 from workflow.bodies import Bodies, step_bound
 from workflow.geometry import domain_of
 from workflow.scene import Scene, SceneError

@@ -12,11 +12,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-from forms.connections import Connections
 from forms.elements import Law
-from forms.inertia import lumped_mass
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
+from forms.mass import lumped_mass
+from forms.springs.connections import Connections
 from meshes.domain import Domain
 from workflow.attachments import Supports, attach, dead_load, nodes_of, supports
 from workflow.bodies import Bodies, step_bound

@@ -114,7 +114,7 @@ def made(scene: Scene, body: str, alone: bool, size: float, comm: MPI.Comm) -> H
 
 def wheel_alone(scene: Scene, size: float) -> HexMesh:
     """Return the wheel of a scene without its axle, in wheel axes."""
-    from meshes.turned import turned_wheel
+    from meshes.wheel_rail.wheel import turned_wheel
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)

@@ -18,8 +18,8 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix
 
-from forms.inertia import lumped_mass
 from forms.kernel import compiled
+from forms.mass import lumped_mass
 from meshes.domain import Domain
 from workflow.bodies import Bodies
 from workflow.scene import SceneError

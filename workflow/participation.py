@@ -118,7 +118,7 @@ def axes_of(modes: ModeShapes, scene: Scene) -> tuple[Array, Array]:
     """
     if modes.summary["part"] != "wheel" or "wheel" in scene.bodies:
         return np.zeros(3), np.eye(3)
-    from meshes.outline import axes
+    from meshes.profiles.outline import axes
     from workflow.geometry import placement_of
 
     position = placement_of(scene)

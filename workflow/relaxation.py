@@ -17,10 +17,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-from forms.attached import attached
 from forms.elasticity import exact
 from forms.kernel import CellKernel
-from forms.stability import cell_frequencies
+from forms.springs.step_bound import attached
+from forms.time_step import cell_frequencies
 from workflow.attachments import axle
 from workflow.equilibrium import held_dofs, load_size, move, out_of_balance
 from workflow.guards import GuardError

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from contact.closed_forms import hertz_line, hertz_sphere
+from contact.theory.closed_forms import hertz_line, hertz_sphere
 from workflow.body_tables import Isotropic
 from workflow.guards import GuardError
 from workflow.mesh_tables import CapMesh, CurvedMesh
@@ -73,7 +73,7 @@ def scene_of(case: Case, folder: Path) -> Scene:
     scene = Scene.load(name, **{**QUIET, **base, **case.changes})
     if not case.moved:
         return scene
-    from meshes import files
+    from meshes.formats import read_write
     from meshes.tags import Tag
     from workflow.geometry import mesh_of
 
@@ -83,7 +83,7 @@ def scene_of(case: Case, folder: Path) -> Scene:
     points[block] += np.array(case.moved.get("block", (0.0, 0.0, 0.0)))
     points += np.array(case.moved.get("all", (0.0, 0.0, 0.0)))
     path = folder / "mesh.vtu"
-    files.write(type(mesh)(**{**vars(mesh), "points": points}), path)
+    read_write.write(type(mesh)(**{**vars(mesh), "points": points}), path)
     thin = case.moved.get("scale", (1.0, 1.0, 1.0))[2]
     table = {"kind": "file", "path": str(path), "size": CELL * thin}
     return scene.with_(mesh=table)

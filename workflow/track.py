@@ -8,12 +8,12 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.between import Between
-from forms.connections import Connections, Link, Mean, PointMasses, Spread
-from forms.dashpots import Dashpots, absorbing
-from meshes import seats, sleepers
-from meshes.conform import faces_on
+from forms.springs.connections import Connections, Link, Mean, PointMasses, Spread
+from forms.springs.dashpots import Dashpots, absorbing
+from forms.springs.node_to_facet import Between
 from meshes.domain import Domain
+from meshes.formats.conform import faces_on
+from meshes.wheel_rail import seats, sleepers
 from workflow.scene import Scene, SceneError
 from workflow.sections import Support
 from workflow.surfaces import area_shares, facets, surface_nodes

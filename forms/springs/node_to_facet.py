@@ -9,7 +9,7 @@ import numpy.typing as npt
 from dolfinx import la
 from scipy.sparse import csr_array
 
-from forms.point_masses import damper_work
+from forms.springs.point_masses import damper_work
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

@@ -4,24 +4,14 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshes.generate.smooth import relaxed
+from meshes.generate.sweep import D, Swept, X, Z, Zone, extrude, levels_for, refine, stretched
 from meshes.hexmesh import HexMesh, boundary
-from meshes.placement import GAUGE, INCLINATION, track_offset
-from meshes.profiles import Profile, inclined
-from meshes.profiles import rail as drawn_rail
-from meshes.rail_section import completed, rail_section
-from meshes.relax import relaxed
-from meshes.sweep import (
-    D,
-    Swept,
-    X,
-    Z,
-    Zone,
-    extrude,
-    levels_for,
-    refine,
-    stretched,
-)
+from meshes.profiles.placement import GAUGE, INCLINATION, track_offset
+from meshes.profiles.profiles import Profile, inclined
+from meshes.profiles.profiles import rail as drawn_rail
 from meshes.tags import Tag
+from meshes.wheel_rail.rail_section import completed, rail_section
 
 Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from meshes.blocks import BASE_FACES, grid, spacing
 from meshes.hexmesh import HexMesh
+from meshes.shapes.blocks import BASE_FACES, grid, spacing
 from meshes.tags import Tag
 
 Array = npt.NDArray[np.float64]

@@ -4,7 +4,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshes.section import coons, spaced, straight
+from meshes.generate.section import coons, spaced, straight
 
 Array = npt.NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from meshes.hexmesh import HexMesh
-from meshes.outline import SPACING, axes, contact_angle, distance, outline, seen_from_above
-from meshes.profiles import Array, Profile, inclined, rail_54e1, s1002, shifted
-from meshes.stations import flange_of
+from meshes.profiles.outline import SPACING, axes, contact_angle, distance, outline, seen_from_above
+from meshes.profiles.profiles import Array, Profile, inclined, rail_54e1, s1002, shifted
+from meshes.profiles.stations import flange_of
 
 Flags = npt.NDArray[np.bool_]
 

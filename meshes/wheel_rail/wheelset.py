@@ -8,16 +8,16 @@ place of z); the sweep coordinate is the angle from the bottom. Hub and axle sha
 import numpy as np
 import numpy.typing as npt
 
-from meshes.axle import Axle, with_axle
-from meshes.disc import filleted, hub_blocks, web_block
+from meshes.generate.section import Section, assembled, coons, spaced
+from meshes.generate.smooth import relaxed
+from meshes.generate.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.hexmesh import HexMesh, boundary
-from meshes.placement import RADIUS, TAPE
-from meshes.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.relax import relaxed
-from meshes.section import Section, assembled, coons, spaced
-from meshes.stations import fine_tread, flange_of, stations
-from meshes.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
+from meshes.profiles.placement import RADIUS, TAPE
+from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
+from meshes.profiles.stations import fine_tread, flange_of, stations
 from meshes.tags import Tag
+from meshes.wheel_rail.axle import Axle, with_axle
+from meshes.wheel_rail.web import filleted, hub_blocks, web_block
 
 Array = npt.NDArray[np.float64]
 

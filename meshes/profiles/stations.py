@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from meshes.profiles import Array, Profile
-from meshes.sweep import columns_for
+from meshes.generate.sweep import columns_for
+from meshes.profiles.profiles import Array, Profile
 
 ROUND = 1 / 0.050  # a surface more curved than this is a bend [1/m]
 WINDOW = 2e-3  # over which slopes are compared; finer features are roughness [m]

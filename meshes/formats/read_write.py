@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes import conform
-from meshes.contents import Contents, contents, groups, lower
+from meshes.formats import conform
+from meshes.formats.contents import Contents, contents, groups, lower
 from meshes.hexmesh import HexMesh, boundary
 from meshes.tags import NAMES
 

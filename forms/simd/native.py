@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, jit
 
-from forms.batches import batches, integral_cells, last_to_the_end
-from forms.cache import compiling
+from forms.simd.batches import batches, integral_cells, last_to_the_end
+from forms.simd.cache import compiling
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
@@ -67,7 +67,7 @@ def this_host() -> Host:
     macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     widths = {"__AVX512F__": 64, "__AVX__": 32}
     width = next((w for m, w in widths.items() if f"#define {m} " in macros), 16)
-    sources = sorted((Path(__file__).parent / "simd").glob("*.py"))
+    sources = sorted(Path(__file__).parent.glob("*.py"))
     state = macros.encode() + b"".join(path.read_bytes() for path in sources)
     gcc = "__clang__" not in macros
     # A GCC that is older than the CPU assumes one without these registers: 5 % slower.

@@ -10,9 +10,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.between import Between
-from forms.dashpots import Dashpots
-from forms.point_masses import PointMasses, damper_work
+from forms.springs.dashpots import Dashpots
+from forms.springs.node_to_facet import Between
+from forms.springs.point_masses import PointMasses, damper_work
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

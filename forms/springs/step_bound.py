@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The stable step of bodies on springs and dampers, to the ground, each other or point masses.
 
-For bodies with ``ω_max ≤ frequency``, and connections given as :mod:`forms.connections` has them:
+For bodies with ``ω_max ≤ frequency``, and connections as in :mod:`forms.springs.connections`:
 
     springs, dampers = attached(comm, masses, links, mass)
     dt = joined_step(frequency, springs, dampers, stiffness_damping, mass_damping)
@@ -18,10 +18,10 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.between import Between
-from forms.connections import Link, Mean
-from forms.dashpots import Dashpots
-from forms.point_masses import PointMasses
+from forms.springs.connections import Link, Mean
+from forms.springs.dashpots import Dashpots
+from forms.springs.node_to_facet import Between
+from forms.springs.point_masses import PointMasses
 
 Array = npt.NDArray[np.float64]
 

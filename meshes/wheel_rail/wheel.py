@@ -2,8 +2,8 @@
 """A wheel without its axle as a body of revolution with even cells, the same in every sector.
 
 For natural frequencies: no zone of the tread is finer than the rest, so the two modes of a pair
-come out alike. The drawing is that of :mod:`meshes.wheelset`, and so are the axes: y along the axle
-from the tape circle, which is centred at the origin.
+come out alike. The drawing is that of :mod:`meshes.wheel_rail.wheelset`, and so are the axes: y
+along the axle from the tape circle, which is centred at the origin.
 """
 
 from typing import Any
@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes.disc import filleted, hub_blocks, web_block, web_ends
+from meshes.generate.section import Section, assembled, coons, spaced
+from meshes.generate.sweep import D, X, Y, Z, revolve
 from meshes.hexmesh import HexMesh, boundary
-from meshes.placement import RADIUS
-from meshes.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.section import Section, assembled, coons, spaced
-from meshes.stations import flange_of
-from meshes.sweep import D, X, Y, Z, revolve
+from meshes.profiles.placement import RADIUS
+from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
+from meshes.profiles.stations import flange_of
 from meshes.tags import Tag
+from meshes.wheel_rail.web import filleted, hub_blocks, web_block, web_ends
 
 Array = npt.NDArray[np.float64]
 

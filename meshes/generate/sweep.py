@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes.section import Band, Section
-from meshes.split import edges_of, trisect
+from meshes.generate.refine import edges_of, trisect
+from meshes.generate.section import Band, Section
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from meshes.profiles import Profile
+from meshes.profiles.profiles import Profile
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes.section import coons, numbered
-from meshes.sweep import Swept, X, Y, Z
+from meshes.generate.section import coons, numbered
+from meshes.generate.sweep import Swept, X, Y, Z
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from meshes.profiles import CHORD, MM, Array, Profile
+from meshes.profiles.profiles import CHORD, MM, Array, Profile
 
 Kind = Literal["wheel", "rail"]
 

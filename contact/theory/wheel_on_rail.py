@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from contact.closed_forms import Hertz, hertz_ellipse
 from contact.footprint import frame_of
-from contact.half_space import HalfSpace, half_space_contact
-from meshes.profiles import Array
-from meshes.surfaces import Surface
+from contact.theory.closed_forms import Hertz, hertz_ellipse
+from contact.theory.half_space import HalfSpace, half_space_contact
+from meshes.profiles.profiles import Array
+from meshes.profiles.surfaces import Surface
 
 SEEK = (0.020, 0.001)  # half widths of grids on which the first touch is sought, one in the other
 APART = 0.01  # distance where there is no rail or no wheel [m]

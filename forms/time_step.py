@@ -116,7 +116,7 @@ def assembled_frequency(
         residual: ``residual(u, w)``, the rank-1 form of the internal forces.
         mass: Lumped mass of every local dof, shape ``(3 * n_local,)`` [kg].
         springs: Stiffness of springs on every local dof whose other ends are held, shape
-            ``(3 * n_local,)`` [N/m]; for point masses see :mod:`forms.attached`.
+            ``(3 * n_local,)`` [N/m]; for point masses see :mod:`forms.springs.step_bound`.
         tolerance: How far the value may be above the frequency, relative to it [-].
         iterations: Most Lanczos steps.
 
