@@ -13,8 +13,8 @@ from mpi4py import MPI
 import numpy as np
 
 from workflow import Scene
-from workflow.model import build
-from workflow.starting import start
+from workflow.model.model import build
+from workflow.simulation.initial import start
 
 LOAD = 100e6  # [Pa]
 

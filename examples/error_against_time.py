@@ -15,8 +15,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from workflow import Scene, run
-from workflow.closed_form_error import closed_form_error
-from workflow.recorded import Record
+from workflow.results.record import Record
+from workflow.theory.errors import closed_form_error
 
 SCENES = {"bar": "bar-impact", "sphere": "hertz"}
 SIZES = {"bar": [2.5e-3, 1.25e-3, 6.25e-4], "sphere": [1e-3, 5e-4, 2.5e-4]}

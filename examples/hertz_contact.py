@@ -15,8 +15,8 @@ import numpy as np
 
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from workflow import Scene
-from workflow.model import build
-from workflow.starting import start
+from workflow.model.model import build
+from workflow.simulation.initial import start
 
 if __name__ == "__main__":
     size = 1e-3 * float(sys.argv[1]) if len(sys.argv) > 1 else 1e-3

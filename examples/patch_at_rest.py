@@ -19,8 +19,8 @@ from contact.theory.wheel_on_rail import expected
 from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
-from workflow.at_rest import at_rest, half_axes
-from workflow.recorded import Record
+from workflow.results.record import Record
+from workflow.theory.at_rest import at_rest, half_axes
 
 LOAD, MODULUS = 84e3, contact_modulus(210e9, 0.3, 210e9, 0.3)
 SHIFTS = 1e-3 * np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])  # towards the gauge face [m]

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.attachments import axle
-from workflow.geometry import mesh_of, placement_of
-from workflow.scene import SceneError
+from workflow.model.geometry import mesh_of, placement_of
+from workflow.model.supports import axle
+from workflow.scene.scene import SceneError
 
 RADIUS, CROWN, SLOPE = 0.46, 0.3, 1 / 20
 

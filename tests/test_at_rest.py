@@ -12,8 +12,8 @@ from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import Profile, s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
-from workflow.at_rest import at_rest, half_axes, standing
-from workflow.recorded import Patch, Record
+from workflow.results.record import Patch, Record
+from workflow.theory.at_rest import at_rest, half_axes, standing
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)
 
@@ -105,7 +105,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     log = (tmp_path / "run" / "run.log").read_text("utf-8")
     assert all(line in log for line in rest.lines())
     pytest.importorskip("matplotlib")
-    from workflow.figures_at_rest import at_rest as figure
+    from workflow.figures.pressure import at_rest as figure
 
     drawn = figure(record)
     assert drawn is not None

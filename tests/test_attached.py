@@ -23,7 +23,7 @@ from forms.springs.step_bound import Attached, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.shapes import blocks
-from workflow.stepping import State, central_difference, no_hold
+from workflow.simulation.stepping import State, central_difference, no_hold
 
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF
 SOFT = Elastic(1e3, 0.3, 8.0)

@@ -15,11 +15,11 @@ from contact.springs import springs
 from contact.tangent import shape_functions
 from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow import Scene, run
-from workflow.audit import in_words, report
-from workflow.audit_doubts import landing_gain
-from workflow.limits import Limits
-from workflow.model import build
-from workflow.starting import start
+from workflow.audit.advice import landing_gain
+from workflow.audit.audit import in_words, report
+from workflow.audit.limits import Limits
+from workflow.model.model import build
+from workflow.simulation.initial import start
 
 SMALL = {"mesh.size": 0.005, "mesh.base_size": 0.006, "mesh.base": [0.03, 0.03, 0.01]}
 STEEL = HalfSpace(210e9 / 2.6, 0.3, 7800.0)
@@ -212,7 +212,16 @@ def test_two_ranks_say_the_same():
     """What is asked and where the limits are does not depend on the ranks."""
     one = report(Scene.load("sliding-block", **{"mesh.size": 0.005, "mesh.base_size": 0.006}))
     beside = Path(sys.executable).with_name("mpiexec")
-    command = [str(beside), "-n", "2", sys.executable, "-m", "workflow.cli", "audit", *SETS]
+    command = [
+        str(beside),
+        "-n",
+        "2",
+        sys.executable,
+        "-m",
+        "workflow.cli",
+        "audit",
+        *SETS,
+    ]
     done = subprocess.run(
         [*command, "--json"], capture_output=True, text=True, timeout=120, check=False
     )

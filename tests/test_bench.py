@@ -17,8 +17,9 @@ import ufl
 from dolfinx import fem
 
 from forms.elasticity import full, st_venant_kirchhoff
-from workflow import bench_cases, bench_operations, cli
-from workflow.bench_forms import FORMS, REFERENCE, STEEL
+from workflow.bench import roofline, speed_cases
+from workflow.bench.speed_cases import FORMS, REFERENCE, STEEL
+from workflow.cli import main
 
 ENGINES = {
     "assemble_vector",
@@ -93,19 +94,19 @@ def test_not_under_mpiexec(monkeypatch, capsys):
     monkeypatch.setenv("PMI_RANK", "0")
     monkeypatch.setattr(sys, "argv", ["squealx", "bench", "--quick"])
     with pytest.raises(SystemExit) as stop:
-        cli.main()
+        main.main()
     assert stop.value.code == 2 and "starts its own ranks" in capsys.readouterr().err
 
 
 def test_counted_operations():
     """∫ w over one point: FFCx's code multiplies and adds the eight entries once each."""
-    domain = bench_cases.cube((2, 2, 2), MPI.COMM_SELF)
+    domain = speed_cases.cube((2, 2, 2), MPI.COMM_SELF)
     V = fem.functionspace(domain.msh, ("Lagrange", 1))
     f, w = fem.Function(V), ufl.TestFunction(V)
 
     def operations(degree: int) -> int:
         dx = full(domain.msh)(metadata={"quadrature_degree": degree})
-        return bench_operations.operations(f * w * dx, native=False)
+        return roofline.operations(f * w * dx, native=False)
 
     one, eight = operations(1), operations(2)
     assert operations(3) == eight  # 2×2×2 points too
@@ -116,7 +117,7 @@ def test_counted_operations():
 
 def test_forms_are_those_of_the_library():
     """The reference is stock's St. Venant-Kirchhoff; one-point titles say which stiffness."""
-    domain = bench_cases.cube((1, 1, 1), MPI.COMM_SELF)
+    domain = speed_cases.cube((1, 1, 1), MPI.COMM_SELF)
     u, w, dx = fem.Function(domain.V), ufl.TestFunction(domain.V), full(domain.msh)
     expected = st_venant_kirchhoff(u, w, STEEL) * dx
     assert FORMS[REFERENCE](u, w, dx).signature() == expected.signature()
@@ -126,36 +127,34 @@ def test_forms_are_those_of_the_library():
 
 def test_unused_values_are_not_counted():
     """a = x y; b = a z is read by nobody: 0; once b is, both products count."""
-    x, a, b, out = (
-        bench_operations.L.Symbol(n, bench_operations.L.DataType.SCALAR) for n in "xabo"
-    )
+    x, a, b, out = (roofline.L.Symbol(n, roofline.L.DataType.SCALAR) for n in "xabo")
     chain = [
-        bench_operations.L.VariableDecl(a, x * x),
-        bench_operations.L.VariableDecl(b, a * x),
+        roofline.L.VariableDecl(a, x * x),
+        roofline.L.VariableDecl(b, a * x),
     ]
-    use = bench_operations.L.AssignAdd(out, b)
-    code = bench_operations.L.StatementList
-    assert bench_operations.live(code(chain)) == 0
-    assert bench_operations.live(code([*chain, use])) == 3
+    use = roofline.L.AssignAdd(out, b)
+    code = roofline.L.StatementList
+    assert roofline.live(code(chain)) == 0
+    assert roofline.live(code([*chain, use])) == 3
 
 
 def test_rounds_are_interleaved():
     """Calls take turns; each is timed once per round."""
     seen: list[str] = []
     calls = {name: (lambda name=name: seen.append(name)) for name in "ab"}
-    times = bench_cases.rounds(calls, 3, inner=2)
+    times = speed_cases.rounds(calls, 3, inner=2)
     assert set(times) == {"a", "b"} and all(len(t) == 3 for t in times.values())
     assert "".join(seen[-12:]) == "aabb" * 3
 
 
 def test_blocks_press_all_nodes_and_apart_none():
     """The contact that is timed: every contactor node slides, or none is in reach."""
-    pair, state, away, force = bench_cases.pressed(5)
+    pair, state, away, force = speed_cases.pressed(5)
     for _ in range(20):  # until all slip
         pair.add(state, force)
     assert pair.active == 36 and pair.normal_force > 0
     assert np.isclose(np.linalg.norm(pair.tangential_force), 0.3 * pair.normal_force, rtol=1e-6)
-    other = bench_cases.pressed(5)[0]
+    other = speed_cases.pressed(5)[0]
     other.add(away, force)
     assert other.active == 0
 
@@ -163,9 +162,9 @@ def test_blocks_press_all_nodes_and_apart_none():
 def test_folder_is_tried_before_anything_is_measured(tmp_path, monkeypatch, capsys):
     """A folder below a file cannot be made: exit code 2, and nothing was measured."""
     (tmp_path / "file").touch()
-    monkeypatch.setattr("workflow.bench.measure", lambda *_: pytest.fail("measured"))
+    monkeypatch.setattr("workflow.bench.speed.measure", lambda *_: pytest.fail("measured"))
     monkeypatch.setattr(sys, "argv", ["squealx", "bench", "--out", str(tmp_path / "file/out")])
     with pytest.raises(SystemExit) as stop:
-        cli.main()
+        main.main()
     assert stop.value.code == 2
     assert "expected a folder that can be written" in capsys.readouterr().err

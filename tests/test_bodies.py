@@ -15,10 +15,10 @@ from forms.springs.connections import Connections, Spread
 from forms.springs.point_masses import PointMasses
 from forms.springs.step_bound import attached, joined_step
 from workflow import Scene, run
-from workflow.bodies import step_bound
-from workflow.model import build
-from workflow.recorded import Record
-from workflow.scene import SceneError
+from workflow.model.bodies import step_bound
+from workflow.model.model import build
+from workflow.results.record import Record
+from workflow.scene.scene import SceneError
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 WOOD = {

@@ -16,9 +16,10 @@ import h5py
 import numpy as np
 import pytest
 
-from workflow import Scene, durable, run
-from workflow.guards import GuardError
-from workflow.scene import SceneError
+from workflow import Scene, run
+from workflow.results import atomic
+from workflow.scene.scene import SceneError
+from workflow.simulation.guards import GuardError
 
 BAR = {"mesh.size": 5e-3, "time.end": 4e-5, "output.checkpoint_steps": 7}
 SCENES = {
@@ -122,7 +123,7 @@ def test_row_23_power_cuts(tmp_path):
             shutil.rmtree(folder)
             continue
         cuts += 1
-        durable.finish(folder / "results.h5")  # as whoever reads a run that was killed
+        atomic.finish(folder / "results.h5")  # as whoever reads a run that was killed
         with h5py.File(folder / "results.h5", "r") as file:
             assert {"history", "contact"} <= file.keys()
     run(scene, folder, quiet=True, resume=True)
@@ -143,8 +144,8 @@ class Struck:
     def __getattr__(self, name):
         call = getattr(os, name)
         return strike(call) if name in ("pwrite", "replace", "fsync") else call
-durable.os = Struck()
-durable.SYNC_INTERVAL = 0.0
+atomic.os = Struck()
+atomic.SYNC_INTERVAL = 0.0
 """
 
 
@@ -176,7 +177,7 @@ def test_change_of_a_file_is_whole_or_not_there(tmp_path, grows, monkeypatch):
     old, calls = path.read_bytes(), 0
 
     def change():
-        with durable.changing(path) as file:
+        with atomic.changing(path) as file:
             file["a"].resize(4000 if grows else 50, axis=0)
             file["a"][:40] = 7.0
 
@@ -194,20 +195,20 @@ def test_change_of_a_file_is_whole_or_not_there(tmp_path, grows, monkeypatch):
         def __getattr__(self, name):
             return pwrite if name == "pwrite" else getattr(os, name)
 
-    monkeypatch.setattr(durable, "os", Module())
+    monkeypatch.setattr(atomic, "os", Module())
     stop, expected = 0, np.arange(3000.0)
     change()
     total, new = calls, arrays(path)["a"]
     assert total > 2 and len(new) == (4000 if grows else 50) and (new[:40] == 7).all()
     for stop in range(1, total + 1):
         path.write_bytes(old)
-        durable.journal_of(path).unlink(missing_ok=True)
+        atomic.journal_of(path).unlink(missing_ok=True)
         calls = 0
         with pytest.raises(Cut):
             change()
-        applying = durable.journal_of(path).exists()
+        applying = atomic.journal_of(path).exists()
         calls, stop = 0, 0
-        durable.finish(path)
+        atomic.finish(path)
         np.testing.assert_array_equal(arrays(path)["a"], new if applying else expected)
 
 
@@ -261,7 +262,15 @@ def test_command_line_resumes(tmp_path):
     """``run --resume --out DIR`` takes the scene from the folder, on two ranks as well."""
     scene = Scene.load("bar-impact", **BAR)
     killed = copied(scene, tmp_path / "whole", 45)
-    command = [sys.executable, "-m", "workflow.cli", "run", "--resume", "--out", str(killed)]
+    command = [
+        sys.executable,
+        "-m",
+        "workflow.cli",
+        "run",
+        "--resume",
+        "--out",
+        str(killed),
+    ]
     done = subprocess.run([*command, "--ranks", "2", "--json"], capture_output=True, check=True)
     summary = json.loads(done.stdout)
     assert summary["ranks"] == 2 and summary["status"] == "done"

@@ -10,9 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from workflow import Scene, cli
-from workflow.command import value_of
-from workflow.scene import names
+from workflow import Scene
+from workflow.cli import main
+from workflow.cli.options import value_of
+from workflow.scene.scene import names
 
 SHORT = ("--set", "time.end=2e-6", "--set", "mesh.size=0.0025")
 
@@ -26,7 +27,7 @@ def squealx(monkeypatch, capfd, tmp_path):
         monkeypatch.setattr(sys, "argv", ["squealx", *map(str, words)])
         capfd.readouterr()
         try:
-            cli.main()
+            main.main()
             code = 0
         except SystemExit as stop:
             code = int(stop.code or 0)
@@ -238,7 +239,15 @@ def last_fields(folder) -> np.ndarray:
 
 def test_a_run_imports_only_what_it_needs(tmp_path):
     """No meshing, plotting, eigenvalue or contact package for a bar without contact."""
-    command = [sys.executable, "-X", "importtime", "-m", "workflow.cli", "run", "bar-wave"]
+    command = [
+        sys.executable,
+        "-X",
+        "importtime",
+        "-m",
+        "workflow.cli",
+        "run",
+        "bar-wave",
+    ]
     done = subprocess.run(
         [*command, "--out", "out", *SHORT],
         cwd=tmp_path,
@@ -249,6 +258,6 @@ def test_a_run_imports_only_what_it_needs(tmp_path):
     )
     lines = [x for x in done.stderr.splitlines() if x.startswith("import time:")]
     loaded = {line.rsplit("|", 1)[1].strip() for line in lines}
-    assert "dolfinx" in loaded and "workflow.stepping" in loaded
+    assert "dolfinx" in loaded and "workflow.simulation.stepping" in loaded
     unwanted = {"gmsh", "pyvista", "vtk", "matplotlib", "slepc4py", "meshio", "contact"}
     assert not unwanted & {name.split(".")[0] for name in loaded}

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from contact.theory.closed_forms import contact_modulus, hertz_sphere
-from workflow import Scene, comparison, run
-from workflow.closed_form_error import closed_form_error
-from workflow.recorded import Record
+from workflow import Scene, run
+from workflow.results.record import Record
+from workflow.study import table
+from workflow.theory.errors import closed_form_error
 
 
 def test_front_holds_what_nothing_beats():
@@ -21,8 +22,8 @@ def test_front_holds_what_nothing_beats():
         | ({} if n == "c" else {"mesh.size": c})
         for n, (c, e) in cost_error.items()
     ]
-    assert [row["run"] for row in comparison.front(rows)] == ["a", "b", "d"]
-    assert comparison.verdicts(rows) == {
+    assert [row["run"] for row in table.front(rows)] == ["a", "b", "d"]
+    assert table.verdicts(rows) == {
         "": "a, b, d; c is not: b has an error of 10.00% for 20.00% in 0.67 of the cost"
     }
 
@@ -71,7 +72,7 @@ def test_error_of_hertz_is_that_of_his_pressure(tmp_path):
 def test_comparisons_are_drawn_from_the_folder(tmp_path):
     """Two sizes of a sphere on a flat and a run that is not there: three rows, three figures."""
     pytest.importorskip("matplotlib")
-    from workflow.figures_study import draw
+    from workflow.study.figures import draw
 
     runs = {}
     for size in (2e-3, 1e-3):
@@ -83,9 +84,9 @@ def test_comparisons_are_drawn_from_the_folder(tmp_path):
     runs["missing"] = dict(runs["0.001"])
     asked = ["convergence", "error_against_time", "shear_of_patches"]
     (tmp_path / "study.json").write_text(json.dumps({"compare": asked, "runs": runs}))
-    table = comparison.rows(tmp_path)
-    assert [row["status"] for row in table] == ["done", "done", "to do"]
-    assert table[1]["closed_form_error"] < table[0]["closed_form_error"]
-    paths = draw(tmp_path, table)
+    rows = table.rows(tmp_path)
+    assert [row["status"] for row in rows] == ["done", "done", "to do"]
+    assert rows[1]["closed_form_error"] < rows[0]["closed_form_error"]
+    paths = draw(tmp_path, rows)
     assert [path.stem for path in paths] == asked
     assert all(path.stat().st_size > 10_000 for path in paths)

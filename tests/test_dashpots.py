@@ -11,10 +11,10 @@ from forms.elasticity import Elastic
 from forms.springs.dashpots import Dashpots, absorbing
 from forms.springs.point_masses import PointMasses
 from forms.springs.step_bound import attached
-from workflow.energy import Ledger
-from workflow.model import Model, build
-from workflow.scene import Scene, SceneError
-from workflow.stepping import central_difference
+from workflow.model.model import Model, build
+from workflow.scene.scene import Scene, SceneError
+from workflow.simulation.energy import Ledger
+from workflow.simulation.stepping import central_difference
 
 STEEL = Elastic(210e9, 0.3, 7800.0)
 LENGTH, SIGMA = 0.6, 0.03

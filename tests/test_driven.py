@@ -13,9 +13,9 @@ import pytest
 import tomli_w
 
 from workflow import Scene, run
-from workflow.model import Model, build
-from workflow.scene import SceneError
-from workflow.starting import start
+from workflow.model.model import Model, build
+from workflow.scene.scene import SceneError
+from workflow.simulation.initial import start
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 SMALL = {

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.energy import Energy, blown_up
-from workflow.guards import GuardError
+from workflow.simulation.energy import Energy, blown_up
+from workflow.simulation.guards import GuardError
 
 LENGTH, WIDTH, RHO, E = 0.1, 0.01, 7800.0, 210e9
 C = np.sqrt(E / RHO)

@@ -9,7 +9,7 @@ import pytest
 from meshes.hexmesh import HexMesh, join
 from meshes.shapes import blocks
 from meshes.tags import Tag
-from workflow.fields import FieldWriter
+from workflow.results.fields import FieldWriter
 
 pv = pytest.importorskip("pyvista")
 Pipeline = pytest.importorskip(

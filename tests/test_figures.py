@@ -13,9 +13,9 @@ from meshes.hexmesh import HexMesh, join
 from meshes.profiles.placement import lateral_shift_for, rail_in_track
 from meshes.profiles.profiles import s1002
 from meshes.tags import Tag
-from workflow.fields import FieldWriter
-from workflow.results import CONTACT_UNITS
-from workflow.scene import Scene
+from workflow.results.fields import FieldWriter
+from workflow.results.writer import CONTACT_UNITS
+from workflow.scene.scene import Scene
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
@@ -23,13 +23,12 @@ pytest.importorskip("pyvista")
 from matplotlib.path import Path as MplPath
 from PIL import Image, ImageSequence
 
-from workflow import figures, theme
-from workflow.figures_footprint import development
-from workflow.figures_nodes import surface_nodes
-from workflow.figures_section import cut, telling_output
-from workflow.figures_transition import scenery_of
-from workflow.recorded import RAIL, Record, patches_of
-from workflow.running import run
+from workflow.figures import gallery, style
+from workflow.figures.animation import scenery_of
+from workflow.figures.footprint import development
+from workflow.figures.section import cut, surface_nodes, telling_output
+from workflow.results.record import RAIL, Record, patches_of
+from workflow.simulation.run import run
 
 YAW, SPEED, RADIUS = 0.02, 22.2, 0.46
 OUTPUTS, BIRTH = 20, 12  # the gauge corner is touched from output 12 on
@@ -206,7 +205,7 @@ def not_blank(path: Path) -> bool:
 
 def test_transition_has_all_figures(transition):
     """Model, placement, footprints, section, patches and energy, none of them blank."""
-    paths = figures.draw(transition)
+    paths = gallery.draw(transition)
     names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "at_rest"]
     names += ["patch_forces", "patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
     assert [p.name for p in paths] == [*(f"{n}.png" for n in names), "transition.gif"]
@@ -305,10 +304,10 @@ def test_small_scenes_have_what_they_have(tmp_path):
     """A bar alone has model and energy, one at a wall its force; without fields no model."""
     short = {"time.end": 4e-6, "mesh.size": 2.5e-3}
     wave = run(Scene.load("bar-wave", **short), tmp_path / "wave", quiet=True)
-    assert [p.stem for p in figures.draw(wave.folder)] == ["model", "energy"]
+    assert [p.stem for p in gallery.draw(wave.folder)] == ["model", "energy"]
     scene = Scene.load("bar-impact", **short, **{"output.fields": False})
     hit = run(scene, tmp_path / "hit", quiet=True)
-    paths = figures.draw(hit.folder)
+    paths = gallery.draw(hit.folder)
     assert [p.stem for p in paths] == ["energy", "history"]
     assert all(not_blank(p) for p in paths)
 
@@ -324,5 +323,5 @@ def test_small_scenes_have_what_they_have(tmp_path):
 )
 def test_prefix_suits_the_largest_value(values, shown):
     """The largest number reads as 1 to 1000; what is not finite does not count."""
-    factor, unit = theme.prefixed(values, "N")
+    factor, unit = style.prefixed(values, "N")
     assert factor == pytest.approx(shown[0]) and unit == shown[1]

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from workflow.figures_closed_forms import applied, closed_forms, smooth
-from workflow.figures_outline import cell_sizes, outlines
-from workflow.scene import Scene
+from workflow.figures.footprint import cell_sizes, outlines
+from workflow.scene.scene import Scene
+from workflow.theory.closed_forms import applied, closed_forms, smooth
 
 pytest.importorskip("matplotlib")
 

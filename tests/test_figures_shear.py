@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from workflow.figures_shear import centre_row, moments
-from workflow.recorded import Contact, Patch, patches_of
+from workflow.figures.shear import centre_row, moments
+from workflow.results.record import Contact, Patch, patches_of
 
 
 def patch(nodes, *, shear=(0.0, 0.0), normal=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0), size=2e-3):

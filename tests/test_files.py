@@ -19,9 +19,10 @@ from meshes.hexmesh import HexMesh, join
 from meshes.quality import enclosed_volume, quality
 from meshes.shapes import blocks
 from meshes.tags import Tag
-from workflow import Scene, cli
-from workflow.geometry import mesh_of
-from workflow.scene import SceneError
+from workflow import Scene
+from workflow.cli import main
+from workflow.model.geometry import mesh_of
+from workflow.scene.scene import SceneError
 
 ARRAYS = ("points", "cells", "regions", "facets", "surfaces")
 MPIEXEC = Path(sys.executable).with_name("mpiexec")
@@ -425,7 +426,7 @@ def test_export_command(tmp_path, monkeypatch, capfd):
     def call(*words: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["squealx", "export", *words])
         try:
-            cli.main()
+            main.main()
             code = 0
         except SystemExit as stop:
             code = int(stop.code or 0)
@@ -450,9 +451,9 @@ def test_export_command(tmp_path, monkeypatch, capfd):
 def test_names_of_the_file_reach_log_and_figures(tmp_path):
     """Regions called by no name of squealx: a run, its recorded names, its picture and legend."""
     pytest.importorskip("matplotlib")
-    from workflow import theme
-    from workflow.figures_model import model
-    from workflow.recorded import Record
+    from workflow.figures import style
+    from workflow.figures.mesh import model
+    from workflow.results.record import Record
 
     scene = Scene.load("sliding-block", **{"mesh.size": 5e-3, "mesh.base_size": 5e-3})
     mesh = mesh_of(scene)[0]
@@ -466,7 +467,7 @@ def test_names_of_the_file_reach_log_and_figures(tmp_path):
     run_of(tmp_path / "scene.toml", tmp_path / "out", 1, "time.end=1e-6")
     record = Record(tmp_path / "out")
     assert sorted(record.body.names.values()) == ["plate", "upper part"]
-    with theme.style():
+    with style.style():
         fig = model(record)
         assert [t.get_text() for t in fig.legends[0].get_texts()] == ["plate", "upper part"]
-        theme.save(fig, tmp_path / "model.png")
+        style.save(fig, tmp_path / "model.png")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.model import Model
-from workflow.recorded import Record
+from workflow.model.model import Model
+from workflow.results.record import Record
 
 GRAVITY = 9.81
 

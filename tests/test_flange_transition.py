@@ -14,7 +14,7 @@ import pytest
 
 from meshes.quality import volumes
 from meshes.tags import Tag
-from workflow.recorded import RAIL, Record
+from workflow.results.record import RAIL, Record
 
 GRAVITY, RHO = 9.81, 7800.0
 DRIFT = 22.222 * np.sin(0.02)  # [m/s]

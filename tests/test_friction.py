@@ -10,8 +10,8 @@ from contact import LawState, coulomb, exponential, with_memory
 from contact.expression import expression
 from contact.friction import as_law, coefficients, rational, tabulated, tried
 from workflow import Scene, run
-from workflow.guards import GuardError
-from workflow.scene import SceneError
+from workflow.scene.scene import SceneError
+from workflow.simulation.guards import GuardError
 
 STATE = LawState(0.0, 1e-6, np.arange(3), np.full(3, np.nan))
 

@@ -11,7 +11,7 @@ from meshes import cache
 from meshes.profiles.placement import Placement
 from meshes.shapes import blocks
 from workflow import Scene
-from workflow.geometry import mesh_of
+from workflow.model.geometry import mesh_of
 
 PLACEMENT = Placement(
     0.1, 0.02, 0.001, np.array([0.0, 1 / 3, 0.46]), np.float64(2 / 3), np.ones(3) / 7, 0.35,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workflow import Scene
-from workflow.mesh_report import report, summary, write
+from workflow.audit.mesh import report, summary, write
 
 
 def test_step_of_a_cube():

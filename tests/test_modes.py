@@ -13,10 +13,11 @@ import pytest
 
 from meshes.quality import quality
 from meshes.wheel_rail.wheel import turned_wheel
-from workflow import Scene, cli
-from workflow.modes import matched, modes
-from workflow.modes_labels import Mode, labelled
-from workflow.modes_part import cut_out
+from workflow import Scene
+from workflow.cli import main
+from workflow.modes.labels import Mode, labelled
+from workflow.modes.modes import matched, modes
+from workflow.modes.part import cut_out
 
 STEEL = 7800.0
 AXLE = (np.array([0.1, -0.2, 0.3]), np.array([0.0, 1.0, 0.0]))
@@ -187,7 +188,7 @@ def test_bad_input_is_named(words, message, monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["squealx", "modes", *words])
     with pytest.raises(SystemExit) as stop:
-        cli.main()
+        main.main()
     assert stop.value.code == 2
     assert message in capfd.readouterr().err
     assert not list(tmp_path.iterdir())

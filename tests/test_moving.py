@@ -11,7 +11,7 @@ import pytest
 
 from tests.test_checkpoint import assert_same, copied
 from workflow import Scene, run
-from workflow.scene import SceneError
+from workflow.scene.scene import SceneError
 
 BEGIN, RAMP, SPEED = 1e-5, 6e-5, 2.0
 MASS = 7800 * 0.1 * 0.005**2

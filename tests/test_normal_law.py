@@ -13,8 +13,8 @@ from contact.normal_law import largest_rates, node_foundation
 from contact.surface import tributary_area
 from contact.two_pass import TwoPass
 from workflow import Scene, run
-from workflow.guards import GuardError
-from workflow.scene import SceneError
+from workflow.scene.scene import SceneError
+from workflow.simulation.guards import GuardError
 
 BED = 1.75e11 / 1e-3  # bulk modulus of steel over the height of a cell [Pa/m]
 METHODS = {

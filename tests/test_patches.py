@@ -15,7 +15,7 @@ from contact.creepage import creepage_of, rigid_motion
 from contact.footprint import footprint_of, frame_of
 from contact.patches import Tracker, beside, parted
 from workflow import Scene, run
-from workflow.patch_table import COLUMNS, travel
+from workflow.results.patches import COLUMNS, travel
 
 
 def discs(*parts, size=2e-3, seed=0, merged=()):

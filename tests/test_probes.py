@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tests.test_checkpoint import BAR, assert_same, copied
-from workflow import Scene, run, sample_table
-from workflow.scene import SceneError
+from workflow import Scene, run
+from workflow.results import samples
+from workflow.scene.scene import SceneError
 
 STEPS = 3  # of a window
 DT = 4e-7  # 5 steps to an output
@@ -48,7 +49,7 @@ def sampled(tmp_path_factory):
         seen["face"].append(u[x[:, 0] < 1e-9].copy())
 
     run(bar(), folder, quiet=True, watch=watch)
-    return folder, sample_table.read(folder), {k: np.array(v) for k, v in seen.items()}
+    return folder, samples.read(folder), {k: np.array(v) for k, v in seen.items()}
 
 
 def trapezoid(values: np.ndarray) -> np.ndarray:
@@ -129,11 +130,11 @@ def test_nothing_is_sampled_by_default(tmp_path):
         "import sys; from workflow import Scene, run\n"
         f"scene = Scene.load('bar-impact', **{BAR})\n"
         f"run(scene, {str(tmp_path / 'run')!r}, quiet=True)\n"
-        "assert 'workflow.sampling' not in sys.modules\n"
-        "assert 'workflow.sample_table' not in sys.modules\n"
+        "assert 'workflow.simulation.sampling' not in sys.modules\n"
+        "assert 'workflow.results.writer.samples' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
-    assert sample_table.read(tmp_path / "run") is None
+    assert samples.read(tmp_path / "run") is None
 
 
 @pytest.mark.parametrize("steps", [STEPS, 10])
@@ -143,14 +144,14 @@ def test_resumed_samples_are_the_same_bit_by_bit(steps, tmp_path):
     killed = copied(scene, tmp_path / "whole", 45)
     run(scene, killed, quiet=True, resume=True)
     assert_same(tmp_path / "whole", killed)
-    assert len(sample_table.read(killed).t) > 5
+    assert len(samples.read(killed).t) > 5
 
 
 def test_samples_of_a_killed_run_are_cut_to_the_checkpoint(tmp_path):
     """Outputs after the last checkpoint have flushed samples; the resumed run writes them anew."""
     scene = bar(1, **{"output.checkpoint_steps": 40})
     killed = copied(scene, tmp_path / "whole", 55)
-    assert len(sample_table.read(killed).t) > 40
+    assert len(samples.read(killed).t) > 40
     run(scene, killed, quiet=True, resume=True)
     assert_same(tmp_path / "whole", killed)
 
@@ -168,7 +169,7 @@ def test_interval_stays_and_sampling_may_begin_late(tmp_path):
     tables = plain.tables()
     tables["output"]["sample_interval"] = 2 * DT
     run(Scene.check(tables), later, quiet=True, resume=True)
-    assert sample_table.read(later).t[0] > 42 * DT
+    assert samples.read(later).t[0] > 42 * DT
 
 
 RANKS = """
@@ -185,7 +186,7 @@ def test_two_ranks_sample_the_same(sampled, tmp_path):
     start = [str(mpiexec) if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-c"]
     command = [*start, RANKS, str(folder / "scene.toml"), str(tmp_path / "two")]
     subprocess.run(command, check=True, timeout=200)
-    two = sample_table.read(tmp_path / "two")
+    two = samples.read(tmp_path / "two")
     np.testing.assert_array_equal(one.t, two.t)
     for name, motion in one.motion.items():
         np.testing.assert_allclose(two.motion[name], motion, atol=1e-10 * np.abs(motion).max())

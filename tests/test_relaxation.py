@@ -15,11 +15,11 @@ from dolfinx import fem
 
 from forms.time_step import assembled_frequency
 from workflow import Scene
-from workflow.equilibrium import Solver, equilibrium
-from workflow.guards import GuardError
-from workflow.model import Model, build
-from workflow.relaxation import SAFETY, damping_factor, masses
-from workflow.starting import start
+from workflow.model.model import Model, build
+from workflow.simulation.equilibrium import Solver, equilibrium
+from workflow.simulation.guards import GuardError
+from workflow.simulation.initial import start
+from workflow.simulation.relaxation import SAFETY, damping_factor, masses
 
 SCENES = {
     "hertz": {"mesh.size": 1e-3},

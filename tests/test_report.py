@@ -14,20 +14,20 @@ import numpy as np
 import pytest
 import tomli_w
 
-from workflow import Scene, cli
-from workflow.command import load
-from workflow.guards import GuardError
-from workflow.running import run
+from workflow import Scene
+from workflow.cli import main
+from workflow.cli.options import load
+from workflow.simulation.guards import GuardError
+from workflow.simulation.run import run
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 pytest.importorskip("jinja2")
 
-from workflow.recorded import Record
-from workflow.report import contents, report
-from workflow.report_checks import checks
-from workflow.report_tables import exact, number, settings
-from workflow.reproduce import command
+from workflow.report.checks import checks
+from workflow.report.page import command, contents, report
+from workflow.report.tables import exact, number, settings
+from workflow.results.record import Record
 
 SHORT = {"time.end": 8e-6, "time.output_interval": 2e-6, "output.fields": False}
 VOID = {"meta", "img", "wbr", "br", "link", "input"}
@@ -218,7 +218,7 @@ def test_command_line(block, monkeypatch, capsys, tmp_path):
     def call(*words) -> int:
         monkeypatch.setattr(sys, "argv", ["squealx", "report", *map(str, words)])
         try:
-            cli.main()
+            main.main()
         except SystemExit as stop:
             return int(stop.code or 0)
         return 0

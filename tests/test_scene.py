@@ -8,9 +8,9 @@ import pytest
 import tomli_w
 
 from meshes.tags import Tag
-from workflow.geometry import mesh_of
-from workflow.quantities import unit_of
-from workflow.scene import Scene, SceneError, names
+from workflow.model.geometry import mesh_of
+from workflow.scene.scene import Scene, SceneError, names
+from workflow.scene.units import unit_of
 
 BAR = """
 name = "small"

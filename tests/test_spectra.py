@@ -7,10 +7,12 @@ import h5py
 import numpy as np
 import pytest
 
-from workflow import Scene, run, sample_table, spectra
-from workflow import participation as modal
-from workflow.modes import modes
-from workflow.scene import SceneError
+from workflow import Scene, run
+from workflow.modes.modes import modes
+from workflow.results import participation as modal
+from workflow.results import spectra
+from workflow.results.samples import read as read_samples
+from workflow.scene.scene import SceneError
 
 E, RHO, LENGTH, WIDTH = 210e9, 7800.0, 0.1, 0.005
 C = np.sqrt(E / RHO)
@@ -79,7 +81,7 @@ def test_row_4_peaks_of_a_ringing_bar(tmp_path):
     tables["output"] |= {"sample_interval": 1e-6, "fields": False, "checkpoint_minutes": 0.0}
     tables["time"]["output_interval"] = 1.2e-4
     run(Scene.check(tables), tmp_path / "run", quiet=True)
-    samples = sample_table.read(tmp_path / "run")
+    samples = read_samples(tmp_path / "run")
     got = spectra.spectrum(samples.motion["end"][:, 0], samples.interval)
     size = []
     for k in (1, 2, 3):
@@ -159,7 +161,7 @@ def test_bar_that_hits_a_wall_rings_as_the_closed_form_says(struck):
     force takes the transit of a cell to rise. Bending modes get 1e-6 of that.
     """
     root, scene = struck
-    samples = sample_table.read(root / "run")
+    samples = read_samples(root / "run")
     found = modal.found(root / "run", scene, None)
     got = modal.participation(found, samples, samples.pairs["wall"], scene)
     assert modal.fits(found, scene, samples.pairs["wall"])
@@ -180,7 +182,7 @@ def test_participation_is_what_the_field_does(struck):
     Independent of contact forces but for Q; within 0.1 % of the largest.
     """
     root, scene = struck
-    samples = sample_table.read(root / "run")
+    samples = read_samples(root / "run")
     found = modal.found(root / "run", scene, None)
     got = modal.participation(found, samples, samples.pairs["wall"], scene)
     mass = np.bincount(found.cells.ravel(), minlength=len(found.points)) * MASS
@@ -223,14 +225,14 @@ def test_modes_that_do_not_belong(struck, tmp_path):
     with pytest.raises(SceneError, match="away from that part"):
         modal.at_points(found, np.array([[0.2, 0.0, 0.0]]))
     found.summary["part"] = "rail"
-    samples = sample_table.read(root / "run")
+    samples = read_samples(root / "run")
     assert not modal.fits(found, scene, samples.pairs["wall"])
 
 
 def test_figures(struck, tmp_path):
     """Three more, with modes found beside the run; none for a run that was not sampled."""
-    from workflow.figures_spectra import modal_participation, sampled_forces, sampled_spectra
-    from workflow.recorded import Record
+    from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
+    from workflow.results.record import Record
 
     root, _ = struck
     figures = (sampled_forces, sampled_spectra, modal_participation)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.scene import SceneError
+from workflow.scene.scene import SceneError
 
 STIFFNESS, SPEED, END = 1e6, 3.0, 1.2e-3
 MASS = 7800 * 0.02 * 0.01**2
@@ -70,7 +70,13 @@ def test_resumed_puller_is_the_same_bit_by_bit(tmp_path):
 def test_two_ranks_pull_alike(tmp_path):
     """The history to 1e-9 of the work of some joules."""
     one = run(Scene.load("bar-impact", **PULLED), tmp_path / "one", quiet=True).history
-    command = [sys.executable, "-m", "workflow.cli", "run", str(tmp_path / "one" / "scene.toml")]
+    command = [
+        sys.executable,
+        "-m",
+        "workflow.cli",
+        "run",
+        str(tmp_path / "one" / "scene.toml"),
+    ]
     command += ["--ranks", "2", "--out", str(tmp_path / "two")]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     with h5py.File(tmp_path / "two" / "results.h5") as file:

@@ -8,14 +8,23 @@ from mpi4py import MPI  # noqa: F401
 import numpy as np
 import pytest
 
-from workflow import stability_matrix
-from workflow.audit_doubts import landing_gain
-from workflow.figures_stability import draw
-from workflow.scene import SceneError
-from workflow.stability import Case, cases
-from workflow.stability_limits import limit
-from workflow.stability_matrix import counts, judged_row, matrix, read
-from workflow.stability_run import judge, measures, scene_of, went_wild
+from workflow.audit.advice import landing_gain
+from workflow.scene.scene import SceneError
+from workflow.stability import limits
+from workflow.stability import run as stability_run
+from workflow.stability.cases import Case, cases
+from workflow.stability.figure import draw
+from workflow.stability.limits import limit
+from workflow.stability.run import (
+    counts,
+    judge,
+    judged_row,
+    matrix,
+    measures,
+    read,
+    scene_of,
+    went_wild,
+)
 
 FACE = "contacts.face."
 COARSE = {"mesh.size": 0.005, "mesh.base_size": 0.006}
@@ -98,7 +107,7 @@ def test_measures_know_a_wrong_force(tmp_path):
 
 def test_mesh_of_a_case_is_changed_as_told(tmp_path):
     """Flat cells of 1:5 have the same plan and a fifth of the height."""
-    from workflow.geometry import mesh_of
+    from workflow.model.geometry import mesh_of
 
     case = Case("p", "5", "", "slide", COARSE, {"scale": (1, 1, 0.2)})
     mesh, _ = mesh_of(scene_of(case, tmp_path))
@@ -132,14 +141,14 @@ def test_axes_span_what_they_should():
 def test_matrix_goes_on_where_it_was_left(tmp_path, monkeypatch):
     """A stop in the middle of a line costs that cell only; the rest is not run again."""
     wanted = [small(x="1"), small(x="2", **{FACE + "penalty": 10.0})]
-    monkeypatch.setattr(stability_matrix, "cases", lambda quick: wanted)
+    monkeypatch.setattr(stability_run, "cases", lambda quick: wanted)
     rows = matrix(tmp_path, workers=1, log=lambda line: None)
     assert counts(rows)["accurate"] == counts(rows)["caught"] == 1
     file = tmp_path / "cells.jsonl"
     file.write_text(file.read_text()[:-30])
     assert len(read(file)) == 1
     ran = []
-    monkeypatch.setattr(stability_matrix, "judged_row", lambda c: ran.append(c) or judged_row(c))
+    monkeypatch.setattr(stability_run, "judged_row", lambda c: ran.append(c) or judged_row(c))
     again = matrix(tmp_path, workers=1, log=lambda line: None)
     assert ran == wanted[1:] and counts(again) == counts(rows)
     assert (tmp_path / "cells.csv").read_text().count("\n") == 3
@@ -168,14 +177,13 @@ def test_command_line(tmp_path, monkeypatch, kind):
     """One JSON object with the counts; a blow-up that no guard saw is an error that names it."""
     from typer.testing import CliRunner
 
-    from workflow import stability_limits
-    from workflow.cli import app
-    from workflow.guards import GuardError
+    from workflow.cli.main import app
+    from workflow.simulation.guards import GuardError
 
     row = {"key": "a | 1 | ", "panel": "a", "x": "1", "y": "", "kind": kind, "steps": 5,
            "measure": "ripple", "value": 0.01}  # fmt: skip
-    monkeypatch.setattr(stability_matrix, "matrix", lambda *a, **k: [row])
-    monkeypatch.setattr(stability_limits, "limits", lambda *a, **k: [])
+    monkeypatch.setattr(stability_run, "matrix", lambda *a, **k: [row])
+    monkeypatch.setattr(limits, "limits", lambda *a, **k: [])
     done = CliRunner().invoke(app, ["stability", "--out", str(tmp_path), "--json"])
     found = json.loads(done.stdout)
     assert found["verdicts"][kind] == 1 and (tmp_path / "stability.png").is_file()
@@ -186,7 +194,7 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
     """Before any cell is run."""
     from typer.testing import CliRunner
 
-    from workflow.cli import app
+    from workflow.cli.main import app
 
     (tmp_path / "file").write_text("")
     done = CliRunner().invoke(app, ["stability", "--out", str(tmp_path / "file")])

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from forms.springs.connections import Connections, PointMasses
-from workflow import guards
-from workflow.attachments import Supports
-from workflow.model import Model, build
-from workflow.scene import Scene
-from workflow.stepping import central_difference, no_hold
+from workflow.model.model import Model, build
+from workflow.model.supports import Supports
+from workflow.scene.scene import Scene
+from workflow.simulation import guards
+from workflow.simulation.stepping import central_difference, no_hold
 
 G = np.array([1.0, -2.0, 3.0])
 

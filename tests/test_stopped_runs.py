@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from workflow.recorded import Record
+from workflow.results.record import Record
 
 
 def squealx(*words, timeout: float = 60) -> subprocess.CompletedProcess:

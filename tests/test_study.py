@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import tomli_w
 
-from workflow import Scene, study, study_folder, study_jobs
-from workflow.figures_study import COMPARISONS
-from workflow.recorded import Record
-from workflow.scene import SceneError
+from workflow import Scene
+from workflow.results.record import Record
+from workflow.scene.scene import SceneError
+from workflow.study import folder, jobs, study
+from workflow.study.figures import COMPARISONS
 
 pytest.importorskip("snakemake")
 
@@ -213,18 +214,26 @@ def test_a_killed_study_goes_on(written, tmp_path):
     )
     out = tmp_path / "out"
     run = out / "runs" / "safety=0.4"
-    command = [sys.executable, "-m", "workflow.cli", "study", str(path), "--out", str(out)]
+    command = [
+        sys.executable,
+        "-m",
+        "workflow.cli",
+        "study",
+        str(path),
+        "--out",
+        str(out),
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         until(lambda: (run / "checkpoint" / "state.npz").exists())
-        with pytest.raises(SceneError, match="another squealx study"), study_folder.locked(out):
+        with pytest.raises(SceneError, match="another squealx study"), folder.locked(out):
             pass
     finally:
         for pid in [process.pid, *below(process.pid)]:
             os.kill(pid, signal.SIGKILL)
         process.communicate()
-    assert not study_folder.done(out, "safety=0.4")
-    assert study_folder.state(out, "safety=0.4") == "begun"
+    assert not folder.done(out, "safety=0.4")
+    assert folder.state(out, "safety=0.4") == "begun"
     code, _, err = squealx("study", path, "--out", out)
     assert code == 0 and "1 runs, 0 done before, 1 to do" in err
     assert "resumed at step" in (run / "run.log").read_text(encoding="utf-8")
@@ -258,18 +267,26 @@ def test_an_interrupted_study_leaves_nothing_behind(written, tmp_path):
     slow = {"time": {"end": 1.0, "output_interval": 4e-5}, "mesh": {"size": 2.5e-3}}
     path = written(scene="bar-wave", set=slow, vary={"time.safety": [0.4]})
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "workflow.cli", "study", str(path), "--out", str(out)]
+    command = [
+        sys.executable,
+        "-m",
+        "workflow.cli",
+        "study",
+        str(path),
+        "--out",
+        str(out),
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
-        until(lambda: study_folder.share(out, "safety=0.4") > 0)
+        until(lambda: folder.share(out, "safety=0.4") > 0)
         family = below(process.pid)
     finally:
         process.terminate()
         process.communicate(timeout=200)
     assert process.returncode == 128 + signal.SIGTERM and len(family) >= 2
     assert not [pid for pid in family if os.path.exists(f"/proc/{pid}")]
-    with study_folder.locked(out):
-        assert study_folder.state(out, "safety=0.4") != "done"
+    with folder.locked(out):
+        assert folder.state(out, "safety=0.4") != "done"
 
 
 def test_another_scene_in_the_folder_is_refused(written, tmp_path):
@@ -281,7 +298,7 @@ def test_another_scene_in_the_folder_is_refused(written, tmp_path):
     scene = runs[0].scene.with_(**{"time.end": 5e-6})
     (made / "scene.toml").write_text(tomli_w.dumps(scene.tables()), encoding="utf-8")
     with pytest.raises(SceneError, match=r"made with another time\.end"):
-        study_folder.check(runs, tmp_path / "out")
+        folder.check(runs, tmp_path / "out")
 
 
 def test_what_snakemake_cannot_do_is_refused(written, tmp_path, monkeypatch):
@@ -289,11 +306,11 @@ def test_what_snakemake_cannot_do_is_refused(written, tmp_path, monkeypatch):
     path = written(scene="bar-wave", ranks=64, vary={"time.safety": [0.5]})
     runs = study.runs_of(study.load(path))
     with pytest.raises(SceneError, match=r"ranks = 64: expected at most 2 cores"):
-        study_jobs.check(runs, 2, None)
+        jobs.check(runs, 2, None)
     with pytest.raises(SceneError, match=r"--profile .*expected the folder of a Snakemake profile"):
-        study_jobs.check(runs, None, tmp_path)
+        jobs.check(runs, None, tmp_path)
     (tmp_path / "config.yaml").write_text("jobs: 2\n", encoding="utf-8")
-    study_jobs.check(runs, None, tmp_path)
-    monkeypatch.setattr(study_jobs, "find_spec", lambda name: None)
+    jobs.check(runs, None, tmp_path)
+    monkeypatch.setattr(jobs, "find_spec", lambda name: None)
     with pytest.raises(SceneError, match=r"pip install 'squealx\[study\]'"):
-        study_jobs.check(runs, None, tmp_path)
+        jobs.check(runs, None, tmp_path)

@@ -20,12 +20,12 @@ from meshes.tags import Tag
 from meshes.wheel_rail.rail import rail
 from meshes.wheel_rail.sleepers import sleepers
 from tests.beams import beam_section, foundation_deflection
-from workflow.equilibrium import equilibrium
-from workflow.model import Model, build
-from workflow.scene import Scene, SceneError
-from workflow.starting import start
-from workflow.stepping import central_difference
-from workflow.track import follow, sleeper_bodies
+from workflow.model.model import Model, build
+from workflow.model.track import follow, sleeper_bodies
+from workflow.scene.scene import Scene, SceneError
+from workflow.simulation.equilibrium import equilibrium
+from workflow.simulation.initial import start
+from workflow.simulation.stepping import central_difference
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 CONCRETE = {"youngs_modulus": 38.4e9, "poisson_ratio": 0.2, "density": 2520.0}

@@ -14,9 +14,9 @@ from scipy.optimize import brentq
 from contact import ContactPair
 from contact.theory.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
-from workflow.model import Model, build
-from workflow.starting import start
-from workflow.stepping import central_difference
+from workflow.model.model import Model, build
+from workflow.simulation.initial import start
+from workflow.simulation.stepping import central_difference
 
 E, NU, RHO = 210e9, 0.3, 7800.0
 C = np.sqrt(E / RHO)  # of a bar

@@ -23,8 +23,8 @@ from contact.theory.closed_forms import (
     stick_radius_ratio,
 )
 from workflow import Scene, run
-from workflow.model import Model, build
-from workflow.starting import start
+from workflow.model.model import Model, build
+from workflow.simulation.initial import start
 
 E, NU = 210e9, 0.3
 MODULUS = contact_modulus(E, NU, E, NU)

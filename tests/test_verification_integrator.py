@@ -12,9 +12,9 @@ import scipy.linalg
 from dolfinx import la
 
 from forms.springs.connections import Connections, PointMasses
-from workflow.model import Model, build
-from workflow.scene import Scene
-from workflow.stepping import central_difference
+from workflow.model.model import Model, build
+from workflow.scene.scene import Scene
+from workflow.simulation.stepping import central_difference
 
 LENGTH, C = 0.1, np.sqrt(210e9 / 7800.0)
 

@@ -21,8 +21,8 @@ from meshes.tags import Tag
 from meshes.wheel_rail.rail_section import rail_section
 from tests.beams import beam_section, foundation_deflection, pinned_frequency
 from workflow import Scene
-from workflow.modes import modes
-from workflow.modes_solve import spectrum
+from workflow.modes.modes import modes
+from workflow.modes.solve import spectrum
 
 STEEL = Elastic(210e9, 0.3, 7800.0)
 SPAN = 0.6  # of sleepers [m]

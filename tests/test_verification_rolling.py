@@ -14,7 +14,7 @@ from contact.theory.closed_forms import (
     hertz_line,
 )
 from workflow import Scene, run
-from workflow.model import Model
+from workflow.model.model import Model
 
 E, NU, RADIUS, CROWN = 210e9, 0.3, 0.46, 0.3
 MODULUS, G = contact_modulus(E, NU, E, NU), E / (2 * (1 + NU))

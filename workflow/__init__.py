@@ -4,8 +4,8 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from workflow.running import Result, run
-    from workflow.scene import Scene
+    from workflow.scene.scene import Scene
+    from workflow.simulation.run import Result, run
 
 __all__ = ["Result", "Scene", "run"]
 
@@ -13,11 +13,11 @@ __all__ = ["Result", "Scene", "run"]
 def __getattr__(name: str) -> Any:
     """Import on first use: ``squealx --help`` should not load DOLFINx."""
     if name == "Scene":
-        from workflow.scene import Scene
+        from workflow.scene.scene import Scene
 
         return Scene
     if name in ("run", "Result"):
-        from workflow import running
+        from workflow.simulation import run as running
 
         return getattr(running, name)
     raise AttributeError(name)

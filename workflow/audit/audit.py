@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a scene will bear, told before it runs: its step, and how much of it everything takes.
+
+A run begins with the short form, :func:`audit`; ``squealx audit`` prints the :func:`report`. The
+stiffest motion is found by some products with the scene's own stiffness, a moment beside the
+run. Its place is that of its largest displacement; its frequency is from below.
+"""
+
+import resource
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+
+from forms.kernel import CellKernel
+from forms.time_step import cell_frequency, stable_step
+from workflow.model.model import Model, build
+from workflow.scene.scene import Scene
+from workflow.simulation.guards import place
+from workflow.simulation.stepping import central_difference
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from workflow.audit.limits import Limits
+
+PRODUCTS = 40
+TIMED = 20  # steps
+
+
+def audit(model: Model) -> Iterator[str]:
+    """Yield lines for the log of a run; collective."""
+    scene, bodies = model.scene, model.scene.bodies.values()
+    omega, where = stiffest(model)
+    yield (
+        f"audit: step {model.dt * 1e9:.1f} ns of at most {model.dt_bound * 1e9:.1f} ns "
+        f"({scene.time.bound} bound); the stiffest motion, 2/ω = {2 / omega * 1e9:.1f} ns, is in "
+        f"{where}"
+    )
+    if scene.contacts and scene.time.bound == "assembled":
+        p = sum(contact.penalty for contact in scene.contacts.values())
+        left = np.sqrt(max(1 - p / 4, 0.0))
+        yield f"audit: contact penalties, {p:.2g} of 4, shorten the step to {left:.1%}"
+    beta, alpha = (
+        max(getattr(b, k) for b in bodies) for k in ("stiffness_damping", "mass_damping")
+    )
+    if alpha or beta:
+        share = stable_step(omega, beta, alpha) * omega / 2
+        yield (
+            f"audit: damping shortens the step to {share:.1%} (stiffness {beta:.2g} s, mass "
+            f"{alpha:.2g} 1/s)"
+        )
+
+
+def stiffest(model: Model) -> tuple[float, str]:
+    """Return frequency [rad/s] and place, in words, of the stiffest motion of the bodies alone."""
+    V, n = model.domain.V, 3 * model.domain.owned
+    comm: MPI.Comm = model.domain.msh.comm
+    u, q, w = fem.Function(V), fem.Function(V), ufl.TestFunction(V)
+    kernel = CellKernel(ufl.derivative(model.bodies.internal_work(u, w), u, q))
+    scale, out = 1 / np.sqrt(model.mass.array[:n]), la.vector(V.dofmap.index_map, 3)
+    x = np.random.default_rng(1).standard_normal((len(model.domain.source.points), 3))
+    x = x[model.domain.nodes[: model.domain.owned]].ravel()
+    value = 0.0
+    for _ in range(PRODUCTS):
+        x /= np.sqrt(comm.allreduce(float(x @ x)))
+        q.x.array[:n] = scale * x
+        q.x.scatter_forward()
+        out.array[:] = 0.0
+        kernel.add(out)
+        out.scatter_reverse(la.InsertMode.add)
+        y = scale * out.array[:n]
+        value, x = comm.allreduce(float(x @ y)), y
+    size = (x.reshape(-1, 3) ** 2).sum(axis=1)
+    top = int(np.argmax(size)) if len(size) else -1
+    found = comm.allgather((float(size[top]), place(model, top)) if len(size) else (-1.0, ""))
+    return float(np.sqrt(value)), max(found)[1]
+
+
+def report(
+    scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, log: Callable[[str], Any] = lambda line: None
+) -> dict[str, Any]:
+    """Return what a run of a scene will bear and cost; collective, the same on all ranks.
+
+    The bodies are brought to rest first, if the scene asks for it: contact is audited where it
+    will be. A few steps are timed at the end.
+
+    Args:
+        scene: The scene.
+        comm: Ranks that share it.
+        log: Called with lines of progress.
+
+    Raises:
+        SceneError: bad input.
+        GuardError: the bodies do not come to rest.
+    """
+    from workflow.audit.advice import doubts
+    from workflow.audit.limits import Limits
+    from workflow.simulation.initial import check_apart, start
+
+    began = time.perf_counter()
+    model = build(scene, comm, log)
+    check_apart(model)
+    start(model, log)
+    log("limits of step, penalty and damping")
+    limits = Limits(model)
+    omega, where = stiffest(model)
+    bodies = model.bodies
+    found: dict[str, Any] = {
+        "scene": scene.name, "cells": len(model.domain.source.cells), "ranks": comm.size,
+        "step": model.dt, "safety": scene.time.safety,
+        "bound": {"scene": model.dt_bound, "kind": scene.time.bound,
+                  "cells": 2 / cell_frequency(bodies.domain.V, bodies.internal_work, bodies.mass),
+                  "stiffest_motion": 2 / omega},
+        "stiffest": where,
+        **asked(model, limits),
+        "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
+    }  # fmt: skip
+    found["cost"] = cost(model, time.perf_counter() - began)
+    found["doubts"] = list(doubts(model, found))
+    return found
+
+
+def asked(model: Model, limits: "Limits") -> dict[str, Any]:
+    """Return what the parts of a model ask of the 1 that a step has, and where the limits are."""
+    from workflow.audit.limits import critical_penalty
+
+    dt = model.dt
+    return {
+        "asked": {"all": limits.asked(dt), "bodies": limits.asked(dt, contact=False),
+                  "contacts": limits.share(dt)},
+        "critical": {"step": limits.step(), "step_without_contact": limits.step(contact=False),
+                     "penalty_factor": critical_penalty(model, limits),
+                     "penalty_factor_at_this_step": limits.penalty(dt),
+                     "contact_damping": limits.damping(dt)},
+    }  # fmt: skip
+
+
+def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
+    """Return stiffness and expected penetration of one contact."""
+    from workflow.audit.advice import impact_depth
+    from workflow.simulation.guards import node_sizes, sides
+
+    contact, pair = model.scene.contacts[name], model.pairs[name]
+    told: dict[str, Any] = {"method": contact.method, "penalty": contact.penalty}
+    touches = [t for t in limits.touches if t.name == name and len(t.springs.mass)]
+    if touches:
+        t, dt = touches[0], model.dt
+        follows, fixed = t.springs.mass / dt**2, t.springs.foundation
+        known = np.isfinite(fixed) & (fixed > 0)
+        ratio = float(np.median(follows[known] / fixed[known])) if known.any() else np.nan
+        other = "equivalent_penalty" if t.fixed else "equivalent_modulus_penalty"
+        told[other] = contact.penalty / ratio if t.fixed else contact.penalty * ratio
+        told["stiffness"] = float(np.median(t.penalty * (fixed if t.fixed else follows)))
+    size = min(float(np.median(node_sizes(side))) for side in sides(pair))
+    depth = pair.max_penetration if model.scene.equilibrium else impact_depth(model, touches)
+    share = None if depth is None else depth / size
+    return told | {"cell": size, "penetration": depth, "penetration_over_cell": share}
+
+
+def cost(model: Model, spent: float) -> dict[str, Any]:
+    """Return steps, wall time and memory of the run, from some timed steps; moves the model."""
+    comm, scene = model.domain.msh.comm, model.scene
+    loop = central_difference(
+        model.state, model.mass.petsc_vec, model.loads, model.drives or model.supports, model.dt,
+        TIMED * model.dt, model.connections.masses if model.connections is not None else None,
+        model.dead.nodal, last=model.last,
+    )  # fmt: skip
+    times = [time.perf_counter() for _ in loop]  # the median: some steps search, others wait
+    step = comm.allreduce(float(np.median(np.diff(times))), op=MPI.MAX)
+    steps = round(scene.time.end / model.dt)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # kB on Linux
+    return {
+        "steps": steps, "seconds_per_step": step, "seconds_stepping": steps * step,
+        "seconds_before": spent, "memory": comm.allreduce(int(peak)),
+    }  # fmt: skip
+
+
+def in_numbers(found: Any) -> Any:
+    """Return a report as JSON has it: what is infinite or not a number is null."""
+    if isinstance(found, dict):
+        return {key: in_numbers(value) for key, value in found.items()}
+    return None if isinstance(found, float) and not np.isfinite(found) else found
+
+
+def show(found: dict[str, Any], console: "Console") -> None:
+    """Print a report."""
+    for line in in_words(found):
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def in_words(found: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines of a report."""
+    b, a, c = found["bound"], found["asked"], found["critical"]
+    yield (
+        f"{found['scene']}: step {found['step'] * 1e9:.1f} ns, "
+        f"{found['step'] / b['scene']:.2f} of the bound {b['scene'] * 1e9:.1f} ns ({b['kind']}); "
+        f"stiffest cell {b['cells'] * 1e9:.1f} ns, stiffest motion {b['stiffest_motion'] * 1e9:.1f}"
+        f" ns in {found['stiffest']}"
+    )
+    yield (
+        f"asked of a stable step: {a['all']:.1%}; by bodies {a['bodies']:.1%}, by contacts "
+        f"{a['contacts']:.1%}; stable up to {c['step'] * 1e9:.1f} ns"
+    )
+    if found["contacts"]:
+        yield (
+            f"largest stable penalties: {_times(c['penalty_factor'])} where the step follows them, "
+            f"{_times(c['penalty_factor_at_this_step'])} at this step; largest contact damping "
+            f"{c['contact_damping']:.2f} of critical"
+        )
+    for name, one in found["contacts"].items():
+        words = [f"{one['method']} {one['penalty']:g}"]
+        words += [f"as {k[11:].replace('_', '-')} {v:.3g}" for k, v in one.items() if "equiv" in k]
+        if one["penetration"] is not None:
+            share = one["penetration_over_cell"]
+            words.append(f"penetration {one['penetration'] * 1e6:.3g} µm, {share:.2%} of a cell")
+        yield f"contacts.{name}: {', '.join(words)}"
+    cost = found["cost"]
+    yield (
+        f"{cost['steps']} steps of {cost['seconds_per_step'] * 1e3:.3g} ms: "
+        f"{cost['seconds_stepping']:.0f} s and outputs, after {cost['seconds_before']:.0f} s; "
+        f"{cost['memory'] / 2**20:.0f} MB"
+    )
+    yield from (f"doubt: {line}" for line in found["doubts"])
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.2f} times these" if np.isfinite(factor) else "any"

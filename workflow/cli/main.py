@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The ``squealx`` command."""
+
+import contextlib
+import json
+import os
+from importlib.metadata import version as package_version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+# one thread per rank: the threads of BLAS would fight over the cores of the other ranks
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from workflow.cli import model, results, study
+from workflow.cli.options import (
+    EXIT,
+    Changes,
+    Json,
+    abort,
+    examples,
+    fail,
+    in_mpi,
+    load,
+    on_ranks,
+    print_summary,
+    scene_of,
+)
+from workflow.scene.scene import Scene, SceneError, names
+
+app = typer.Typer(
+    help="Explicit finite elements for wheel-rail rolling contact. A scene (TOML, SI units) goes "
+    "in, a folder of results and figures comes out.",
+    epilog=examples(
+        "squealx scenes",
+        "squealx run bar-impact",
+        "squealx figures runs/bar-impact",
+        EXIT,
+    ),
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+
+@app.command(epilog=examples("squealx scenes", "squealx scenes --json"))
+def scenes(as_json: Json = False) -> None:
+    """List the built-in scenes with their size and usual run time."""
+    listed = {name: Scene.load(name) for name in names()}
+    if as_json:
+        print(json.dumps({n: {"title": s.title, "about": s.about} for n, s in listed.items()}))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("scene", "what it shows", "size and time on two cores")
+    for name, scene in listed.items():
+        table.add_row(name, scene.title, scene.about)
+    Console().print(table)
+
+
+@app.command(
+    epilog=examples(
+        "squealx run hertz",
+        "squealx run flange-transition --ranks 2 --out runs/first",
+        "squealx run flange-transition --set mesh.size=0.002",
+        "squealx run runs/first/scene.toml --out runs/again",
+        "squealx run --resume --out runs/first --set time.end=0.006",
+        EXIT,
+    )
+)
+def run(
+    scene: Annotated[
+        str | None,
+        typer.Argument(help="Built-in scene or TOML file; with --resume that of the folder."),
+    ] = None,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder for the results; runs/NAME if left out.")
+    ] = None,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the run.")] = 1,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on from the folder's checkpoint, on any ranks."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a scene: results into a new folder, progress on the terminal."""
+    if scene is None:
+        scene = scene_of(out, resume)
+    checked = load(scene, changes)
+    folder = out or Path("runs") / checked.name
+    if ranks > 1 and not in_mpi():
+        from workflow.results.writer import check_free
+
+        check_free(folder, resume)
+        verb = ("run", "--resume") if resume else ("run",)
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, verb))
+    from mpi4py import MPI
+
+    from workflow.simulation.run import run as run_scene
+
+    result = run_scene(checked, folder, resume=resume)
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(result.summary)) if as_json else print_summary(result.summary, folder)
+
+
+@app.command(epilog=examples("squealx version --json"))
+def version(as_json: Json = False) -> None:
+    """Print the version of squealx and of what it stands on."""
+    found = {p: _version(p) for p in ("squealx", "fenics-dolfinx", "dolfinx-solver-real", "numpy")}
+    found = {k: v for k, v in found.items() if v}
+    print(json.dumps(found) if as_json else "\n".join(f"{k} {v}" for k, v in found.items()))
+
+
+def _version(package: str) -> str:
+    with contextlib.suppress(ModuleNotFoundError):
+        return package_version(package)
+    return ""
+
+
+for module in (model, results, study):
+    app.add_typer(module.verbs)
+
+
+def main() -> None:
+    """Run the command line; bad input exits with 2, a run stopped by a guard with 3."""
+    try:
+        app()
+    except SceneError as error:
+        fail(2, str(error))
+    except RuntimeError as error:
+        from workflow.simulation.guards import GuardError
+
+        if isinstance(error, GuardError):
+            fail(3, str(error))
+        if in_mpi():
+            abort()
+        raise

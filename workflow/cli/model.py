@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Verbs of a scene before its run: validate, audit, export, mesh, modes."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from workflow.cli.options import Changes, Json, SceneName, examples, in_mpi, load, on_ranks
+from workflow.scene.scene import Scene
+
+verbs = typer.Typer()
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx validate my-scene.toml",
+        "squealx validate flange-transition --set rolling.angle_of_attack=0.03",
+    )
+)
+def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
+    """Check a scene without meshing: an error names the key, what it got and expects."""
+    checked = load(scene, changes)
+    from workflow.model.geometry import check_profiles
+
+    check_profiles(checked)
+    if as_json:
+        print(json.dumps({"scene": checked.name, "valid": True}))
+    else:
+        print(f"{checked.name}: valid")
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx audit flange-transition",
+        "squealx audit sliding-block --set contacts.face.penalty=2.0 --json",
+    )
+)
+def audit(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
+    """Tell what a run will bear: step, penalty and damping limits, penetration, time, doubts."""
+    checked = load(scene, changes)
+    from mpi4py import MPI
+
+    from rich.console import Console
+
+    from workflow.audit.audit import in_numbers, report, show
+
+    root = MPI.COMM_WORLD.rank == 0
+    progress = Console(stderr=True, quiet=not root)
+    found = report(checked, log=lambda line: progress.print(line, highlight=False))
+    if root:
+        print(json.dumps(in_numbers(found))) if as_json else show(found, Console())
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx export hertz hertz.msh",
+        "squealx export flange-transition wheel.vtu --set mesh.size=0.002",
+    )
+)
+def export(
+    scene: SceneName,
+    file: Annotated[
+        Path, typer.Argument(help="Mesh file to write: .msh, .vtu, .vtk, .xdmf or .inp.")
+    ],
+    changes: Changes = None,
+    as_json: Json = False,
+) -> None:
+    """Write the mesh of a scene with its regions and surfaces as named groups."""
+    checked = load(scene, changes)
+    from workflow.model import geometry
+
+    told = geometry.export(checked, file)
+    print(json.dumps(told) if as_json else geometry.in_words(told))
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx mesh flange-transition",
+        "squealx mesh flange-transition --set mesh.size=0.001 --out runs/fine-mesh",
+    )
+)
+def mesh(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for mesh.json and mesh.png; runs/mesh-NAME.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Make the mesh of a scene and show its sizes, its shapes and which cells set the step."""
+    checked = load(scene, changes)
+    from rich.console import Console
+
+    from workflow.audit import mesh as quality
+
+    progress = Console(stderr=True)
+    found = quality.report(checked, lambda line: progress.print(line, highlight=False))
+    folder = out or Path("runs") / f"mesh-{checked.name}"
+    paths = quality.write(found, folder)
+    if as_json:
+        print(json.dumps(quality.summary(found)))
+    else:
+        quality.show(found, Console())
+        print("\n".join(map(str, paths)))
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx modes flange-transition --set bodies.wheelset.element=one-point",
+        "squealx modes flange-transition --held free --to 6000 --ranks 2",
+        "squealx modes flange-transition --part wheelset --to 2000",
+        "squealx modes bar-wave --to 70000",
+    )
+)
+def modes(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder; runs/NAME-modes if left out.")
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(help="'wheel' (without axle) or a body; the wheel, or the first body."),
+    ] = None,
+    held: Annotated[
+        str | None,
+        typer.Option(help="'free', 'bore' (wheel), 'supports' (of the scene) or SURFACE,..."),
+    ] = None,
+    to: Annotated[float, typer.Option(metavar="HZ", help="Highest frequency.")] = 10e3,
+    size: Annotated[
+        float, typer.Option(metavar="M", help="Cells of the section of the wheel.")
+    ] = 0.026 / 3,
+    most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the work.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Find all natural modes of a wheel or body up to a frequency: table, shapes, figures."""
+    checked = load(scene, changes)
+    folder = out or Path("runs") / f"{checked.name}-modes"
+    if ranks > 1 and not in_mpi():
+        from workflow.results.writer import check_free
+
+        check_free(folder)
+        words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
+        words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
+    find_modes(checked, folder, as_json, part=part, held=held, top=to, size=size, most=most)
+
+
+def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None:
+    """Find modes on these ranks, draw and print them; ``wanted`` as ``workflow.modes.modes``."""
+    from mpi4py import MPI
+
+    from rich.console import Console
+
+    from workflow.modes.figures import draw
+    from workflow.modes.modes import modes, show
+
+    root = MPI.COMM_WORLD.rank == 0
+    progress = Console(stderr=True, quiet=not root)
+    found = modes(scene, folder, log=lambda line: progress.print(line, highlight=False), **wanted)
+    if root:
+        draw(found, folder)
+        print(json.dumps(found.summary)) if as_json else show(found.summary, Console())

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Figures of a run, drawn from its result folder alone; what the run does not have is not drawn.
+
+Each public function draws one figure of a record and returns it, or None if there is nothing to
+draw. matplotlib and pyvista are imported only here and below, when a figure is made.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workflow.figures import style
+from workflow.figures.animation import transition
+from workflow.figures.footprint import footprints
+from workflow.figures.history import energy, history, patch_forces, patch_means
+from workflow.figures.mesh import model
+from workflow.figures.placement import placement
+from workflow.figures.pressure import at_rest, pressure
+from workflow.figures.section import contact_nodes, cross_section
+from workflow.figures.shear import adhesion, centre_line, shear_vectors
+from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
+from workflow.results.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "adhesion",
+    "at_rest",
+    "centre_line",
+    "contact_nodes",
+    "cross_section",
+    "draw",
+    "energy",
+    "footprints",
+    "history",
+    "modal_participation",
+    "model",
+    "patch_forces",
+    "patch_means",
+    "placement",
+    "pressure",
+    "sampled_forces",
+    "sampled_spectra",
+    "shear_vectors",
+    "transition",
+]
+
+FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
+    model,
+    placement,
+    footprints,
+    cross_section,
+    contact_nodes,
+    at_rest,
+    patch_forces,
+    patch_means,
+    adhesion,
+    centre_line,
+    shear_vectors,
+    energy,
+    history,
+    pressure,
+    sampled_forces,
+    sampled_spectra,
+    modal_participation,
+)
+
+
+def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:
+    """Draw all figures of a result folder into its ``figures/`` and return their paths.
+
+    Args:
+        folder: Result folder of a run.
+        modes: Folder of natural modes that its spectra are drawn with; one beside it if None.
+    """
+    record, paths = Record(folder, modes), []
+    with style.style():
+        for figure in FIGURES:
+            fig = figure(record)
+            if fig is not None:
+                path = record.folder / "figures" / f"{figure.__name__}.png"
+                paths.append(style.save(fig, path))
+        animated = transition(record)
+    return paths if animated is None else [*paths, animated]

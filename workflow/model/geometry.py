@@ -1,0 +1,361 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The mesh of a scene: made on rank 0, distributed by DOLFINx."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from meshes.domain import Domain, distribute
+from meshes.hexmesh import HexMesh, join
+from meshes.tags import Tag
+from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.scene import Scene, SceneError
+
+if TYPE_CHECKING:
+    from meshes.profiles.from_points import Kind
+    from meshes.profiles.placement import Placement
+    from meshes.profiles.profiles import Profile
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy.typing as npt
+
+
+def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
+    """Return the distributed mesh of a scene and, for wheel on rail, its placement.
+
+    An error in meshing on rank 0 is raised on every rank.
+    """
+    mesh, placement, error = None, None, None
+    if comm.rank == 0:
+        try:
+            mesh, placement = mesh_of(scene, log)
+            log(f"mesh: {shape_of(mesh)}")
+        except (ValueError, OSError) as caught:
+            error = SceneError(str(caught))
+    error = comm.bcast(error)
+    if error is not None:
+        raise error
+    return distribute(mesh, comm), comm.bcast(placement)
+
+
+def cell_size(scene: Scene, mesh: HexMesh) -> float:
+    """Return the edge of the cells where bodies touch [m]; of a file, its shortest if not told."""
+    if scene.mesh.size is not None:
+        return scene.mesh.size
+    from meshes.generate.refine import edges_of
+
+    edges, _ = edges_of(mesh.cells)
+    return float(np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1).min())
+
+
+def shape_of(mesh: HexMesh) -> str:
+    """Return the size of a mesh and the shape of its cells in words, for the log."""
+    from meshes.quality import quality
+
+    q = quality(mesh)
+    return (
+        f"{q.cells} cells, {q.nodes} nodes, edges {q.shortest * 1e3:.2f} to "
+        f"{q.longest * 1e3:.3g} mm, smallest scaled Jacobian {q.scaled_jacobian:.2f}"
+    )
+
+
+def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tuple[HexMesh, Any]:
+    """Return the mesh of a scene on this process, and the placement of its wheel or None."""
+    mesh = scene.mesh
+    if isinstance(mesh, WheelRailMesh):
+        return cached_wheel_on_rail(scene, mesh, log)
+    if isinstance(mesh, FileMesh):
+        pass
+
+        return mesh_from_file(scene, mesh, log)
+    from meshes.shapes import blocks
+
+    if isinstance(mesh, BarMesh):
+        return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
+    if isinstance(mesh, BlocksMesh):
+        return block_on_base(mesh), None
+    if isinstance(mesh, CurvedMesh):
+        return curved_on_curved(mesh), None
+    assert isinstance(mesh, CapMesh)
+    cap = blocks.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
+    return join(cap, blocks.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
+
+
+def block_on_base(mesh: BlocksMesh) -> HexMesh:
+    """Return a block that rests near the start of a longer base, free to slide in +x."""
+    from meshes.shapes import blocks
+
+    (length, width, height), (base_length, base_width, depth) = mesh.block, mesh.base
+    start = (base_width - width) / 2
+    upper = blocks.block(
+        (0.0, -width / 2, 0.0),
+        (length, width / 2, height),
+        size=mesh.size,
+        surfaces={Tag.ZMIN: Tag.BLOCK_BOTTOM},
+    )
+    lower = blocks.block(
+        (-start, -base_width / 2, -depth),
+        (base_length - start, base_width / 2, 0.0),
+        size=mesh.base_size,
+        region=Tag.BASE,
+        surfaces=blocks.BASE_FACES,
+    )
+    return join(upper, lower)
+
+
+def curved_on_curved(mesh: CurvedMesh) -> HexMesh:
+    """Return two curved bodies that touch at the origin."""
+    from meshes.shapes import caps
+
+    fine = mesh.fine_y or mesh.y
+    shape = (mesh.x, mesh.y, mesh.fine_x, fine)
+    upper = caps.Footing(*shape, mesh.height, mesh.size, mesh.growth, mesh.layers)
+    lower = caps.Footing(*shape, mesh.depth, mesh.base_size or mesh.size, mesh.growth, mesh.layers)
+    base = caps.below(lower, radius=mesh.base_radius, crown=mesh.base_crown)
+    if mesh.rolls:
+        assert mesh.radius is not None
+        return join(caps.roller(upper, radius=mesh.radius, crown=mesh.crown), base)
+    return join(caps.cap(upper, radius=mesh.radius, crown=mesh.crown), base)
+
+
+def rolling_zone(scene: Scene) -> tuple[float, float]:
+    """Return where along the rail the wheel will roll, from the first contact on [m].
+
+    The flange touches ahead of the tread by the angle of attack times the lever of the flange
+    angle, about R tan(70°) sin(angle of attack).
+    """
+    mesh, rolling = scene.mesh, scene.rolling
+    assert isinstance(mesh, WheelRailMesh)
+    travel = rolling.speed * scene.time.end if rolling else 0.0
+    lead = (
+        mesh.wheel_radius
+        * np.tan(np.radians(70))
+        * np.sin(rolling.angle_of_attack if rolling else 0.0)
+    )
+    ahead = max(travel, 0.0) + max(lead, 0.0)
+    behind = min(travel, 0.0) + min(lead, 0.0)
+    return behind - mesh.margin, ahead + mesh.margin
+
+
+def check_profiles(scene: Scene) -> None:
+    """Read the profiles that a scene names and place the wheel on the rail, without meshing.
+
+    Raises:
+        SceneError: naming the key of a profile or position that is missing or cannot be used.
+    """
+    if isinstance(scene.mesh, WheelRailMesh):
+        placement_of(scene)
+
+
+def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "Profile":
+    """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
+    from meshes.profiles import from_points, profiles
+
+    built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
+    if name in built_in:
+        return profiles.s1002() if kind == "wheel" else profiles.rail(name)
+    try:
+        return from_points.from_csv(name, kind=kind, smoothing=smoothing)
+    except (ValueError, OSError) as error:
+        expected = f"expected one of {', '.join(built_in)} or a CSV file"
+        raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
+
+
+def profiles_of(mesh: WheelRailMesh) -> "tuple[Profile, Profile, str]":
+    """Return wheel profile, rail head with its sides, and the rail whose web and foot it gets.
+
+    Raises:
+        SceneError: naming the key of a profile that cannot be used.
+    """
+    from meshes.profiles.profiles import RAILS
+    from meshes.wheel_rail.rail_section import completed
+
+    wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
+    head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
+    base = mesh.rail_profile if mesh.rail_profile in RAILS else mesh.rail_base
+    try:
+        return wheel, completed(head, base), base
+    except ValueError as error:
+        raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
+
+
+def placement_of(scene: Scene) -> "Placement":
+    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
+
+    With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.
+
+    Raises:
+        SceneError: if a profile cannot be used or no lateral position leaves the flange gap.
+    """
+    from meshes.profiles import placement
+    from meshes.profiles.stations import flange_of
+
+    mesh = scene.mesh
+    assert isinstance(mesh, WheelRailMesh)
+    wheel, head, _ = profiles_of(mesh)
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
+    shift = mesh.lateral_shift
+    if shift is None and flange_of(wheel) is None:
+        shift = 0.0
+    key, value = ("flange_gap", mesh.flange_gap) if shift is None else ("lateral_shift", shift)
+    try:
+        rail = placement.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        if shift is None:
+            return placement.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
+        return placement.place(wheel, rail, shift=shift, **turn)
+    except ValueError as error:
+        raise SceneError(
+            f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "
+            f"mesh.rail_profile = {mesh.rail_profile!r}: {error}"
+        ) from None
+
+
+def cached_wheel_on_rail(
+    scene: Scene, mesh: WheelRailMesh, log: Callable[[str], Any]
+) -> tuple[HexMesh, Any]:
+    """Return wheelset and rail as made before from the same tables and code, or made now."""
+    from meshes import cache
+
+    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+    inputs = {"mesh": mesh.model_dump(mode="json"), "zone": rolling_zone(scene), "yaw": yaw}
+    name = cache.key(inputs, [Path(__file__)])
+    return cache.cached(name, lambda: wheel_on_rail(scene, mesh), log)
+
+
+def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
+    """Return wheelset and rail in the track position, and the placement of the wheel."""
+    from meshes.profiles.placement import placed
+    from meshes.wheel_rail.rail import rail
+    from meshes.wheel_rail.sleepers import sleepers
+    from meshes.wheel_rail.wheelset import wheelset
+
+    position = placement_of(scene)
+    zone = rolling_zone(scene)
+    start = mesh.start
+    tread, head, base = profiles_of(mesh)
+    wheel = wheelset(
+        size=mesh.size,
+        zone=zone,
+        design=mesh.wheel_design,
+        radius=mesh.wheel_radius,
+        profile=tread,
+        touch=position.tread_s,
+    )
+    track = rail(
+        mesh.rail_length,
+        -mesh.rail_length / 2 - start,
+        size=mesh.size,
+        zone=zone,
+        inclination=mesh.inclination,
+        gauge=mesh.gauge,
+        profile=head,
+        design=base,
+        touch=position.tread_rail_s,
+    )
+    if mesh.sleepers is None:
+        return join(placed(wheel, position), track), position
+    foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]
+    below = sleepers(foot, **mesh.sleepers.model_dump())
+    return join(placed(wheel, position), track, below), position
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """What rolling needs to know of a wheel.
+
+    Attributes:
+        centre: A point of its axle, shape ``(3,)`` [m].
+        rolling_radius: Its radius at the first contact [m].
+    """
+
+    centre: npt.NDArray[np.float64]
+    rolling_radius: float
+
+
+def mesh_from_file(
+    scene: Scene, table: FileMesh, log: Callable[[str], Any]
+) -> tuple[HexMesh, Wheel | None]:
+    """Return the mesh of a file, checked against the scene, and the wheel that rolls on it.
+
+    Raises:
+        SceneError: if the file cannot be used, or not for this scene.
+    """
+    from meshes.formats import read_write
+
+    try:
+        mesh = read_write.read(table.path, scale=table.scale, names=table.groups, log=log)
+    except (ValueError, OSError) as error:
+        raise SceneError(f"mesh.path = {table.path!r}: {error}") from None
+    if wrong := list(unfit_surfaces(scene, mesh)):
+        raise SceneError("\n".join(wrong))
+    if table.wheel_centre is None or table.rolling_radius is None:
+        return mesh, None
+    return mesh, Wheel(np.array(table.wheel_centre), table.rolling_radius)
+
+
+def unfit_surfaces(scene: Scene, mesh: HexMesh) -> Iterator[str]:
+    """Yield a line for every surface without facets, and for contact surfaces inside the mesh."""
+    from meshes.formats.conform import matched
+
+    for key, name in scene.surfaces():
+        facets = mesh.surface(mesh.tag(name))
+        if not len(facets):
+            yield f"{key} = {name!r}: expected facets of hexahedra, the group has none"
+        elif key.startswith("contacts."):
+            inner = int((matched(mesh.cells, facets)[1] > 1).sum())
+            if inner:
+                yield (
+                    f"{key} = {name!r}: {inner} of its {len(facets)} facets lie between two "
+                    "hexahedra; expected outer facets (bodies in contact must not share nodes)"
+                )
+
+
+def export(scene: Scene, path: Path) -> dict[str, Any]:
+    """Write the mesh of a scene to a file and return what it holds.
+
+    Raises:
+        SceneError: if the file cannot be written, or not in that format.
+    """
+    from meshes.formats import read_write
+
+    pass
+
+    if path.suffix.lower() not in read_write.FORMATS:
+        expected = ", ".join(read_write.FORMATS)
+        raise SceneError(f"file = {str(path)!r}: expected a name ending in one of {expected}")
+    mesh, placement = mesh_of(scene)
+    try:
+        read_write.write(mesh, path)
+    except (ValueError, OSError) as error:
+        raise SceneError(f"file = {str(path)!r}: {error}") from None
+    tags, counts = np.unique(mesh.regions, return_counts=True)
+    told: dict[str, Any] = {
+        "file": str(path),
+        "cells": len(mesh.cells),
+        "nodes": len(mesh.points),
+        "regions": {mesh.name(int(t)): int(n) for t, n in zip(tags, counts, strict=True)},
+    }
+    tags, counts = np.unique(mesh.surfaces, return_counts=True)
+    told["surfaces"] = {mesh.name(int(t)): int(n) for t, n in zip(tags, counts, strict=True)}
+    told["mesh"] = {"kind": "file", "path": str(path)}
+    if scene.mesh.size is not None:
+        told["mesh"]["size"] = scene.mesh.size
+    if placement is not None:
+        told["mesh"]["wheel_centre"] = [float(c) for c in placement.centre]
+        told["mesh"]["rolling_radius"] = float(placement.rolling_radius)
+    return told
+
+
+def in_words(told: dict[str, Any]) -> str:
+    """Return what :func:`export` told, with the table for a scene that reads the file."""
+    lines = [f"{told['file']}: {told['cells']} cells, {told['nodes']} nodes"]
+    lines += [f"{kind}: {', '.join(told[kind])}" for kind in ("regions", "surfaces")]
+    table = (f"{key} = {json.dumps(value)}" for key, value in told["mesh"].items())
+    return "\n".join([*lines, "", "[mesh]", *table])

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a run writes of each contact patch at each output: a table, and the list of events."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workflow.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from contact.creepage import Creepage
+    from contact.footprint import Footprint, Patch
+    from contact.patches import Event
+
+Array = npt.NDArray[np.float64]
+Cell = float | Array
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the table.
+
+    Attributes:
+        unit: Its unit.
+        value: Its value of a patch and its creepage.
+        about: What it is, written beside it.
+    """
+
+    unit: str
+    value: "Callable[[Patch, Creepage], Cell]"
+    about: str
+
+
+COLUMNS = {
+    "nodes": Column("1", lambda p, c: p.nodes, "nodes in contact"),
+    "sticking": Column("1", lambda p, c: p.sticking, "nodes that adhere"),
+    "area": Column("m^2", lambda p, c: p.area, "sum of tributary areas"),
+    "centre": Column("m", lambda p, c: p.centre, "mean position, weighted by normal force"),
+    "normal": Column("1", lambda p, c: p.frame[2], "third axis of the patch: away from the target"),
+    "longitudinal": Column("1", lambda p, c: p.frame[0], "first axis of the patch"),
+    "contact_angle": Column("rad", lambda p, c: p.contact_angle, "of the normal to the vertical"),
+    "normal_force": Column("N", lambda p, c: p.normal_force, "sum of nodal normal forces"),
+    "max_pressure": Column("Pa", lambda p, c: p.max_pressure, "largest nodal pressure"),
+    "force": Column("N", lambda p, c: p.force, "on the contactor, axes of the track"),
+    "force_in_frame": Column("N", lambda p, c: p.force_in_frame, "the same, axes of the patch"),
+    "spin_moment": Column("N m", lambda p, c: p.spin_moment, "of tangential forces, on the normal"),
+    "shear_stress": Column("Pa", lambda p, c: p.shear_stress, "mean, longitudinal and lateral"),
+    "shear_angle": Column("rad", lambda p, c: p.shear_angle, "of shear on the target, from -x"),
+    "rigid_slip": Column("m/s", lambda p, c: c.slip, "of rigid bodies, longitudinal and lateral"),
+    "spin_rate": Column("rad/s", lambda p, c: c.spin_rate, "of rigid bodies, about the normal"),
+    "rolling_speed": Column("m/s", lambda p, c: c.speed, "of the contact on the surfaces"),
+    "creepage": Column(
+        "1", lambda p, c: np.array([c.longitudinal, c.lateral]), "rigid slip over rolling speed"
+    ),
+    "spin_creepage": Column("1/m", lambda p, c: c.spin, "spin rate over rolling speed"),
+}
+
+
+def travel(scene: Scene) -> Array | None:
+    """Return the velocity at which contact travels, shape ``(3,)`` [m/s], None if it stays.
+
+    It is that of the axle of the wheelset, or of the one driven body that spins.
+    """
+    if scene.rolling is not None:
+        angle = scene.rolling.travel
+        return scene.rolling.speed * np.array([np.cos(angle), np.sin(angle), 0.0])
+    turning = [d for d in scene.driven.values() if any(d.spin)]
+    return np.array(turning[0].velocity) if len(turning) == 1 else None
+
+
+def creepages(
+    pair: Any, u: Array, v: Array, footprint: "Footprint", scene: Scene
+) -> "tuple[Creepage, ...]":
+    """Return the creepage at each patch of a footprint; collective.
+
+    Args:
+        pair: The contact pair, after its step.
+        u: Displacement of that step, flat, owned dofs first [m].
+        v: Velocity at the same time [m/s].
+        footprint: The footprint.
+        scene: What tells how contact travels.
+    """
+    from contact.creepage import creepage_of
+
+    if not footprint.patches:
+        return ()
+    contactor, target = pair.surfaces(u, v)
+    way = travel(scene)
+    return tuple(creepage_of(patch, contactor, target, way) for patch in footprint.patches)
+
+
+def append_patches(
+    group: Any,
+    output: int,
+    t: float,
+    footprint: "Footprint",
+    identity: npt.NDArray[np.int64],
+    motion: "Sequence[Creepage]",
+) -> None:
+    """Add a row for each patch to the table in an HDF5 group."""
+    rows = len(identity)
+    _extend(group, "output", np.full(rows, output), "1", "number of the output")
+    _extend(group, "t", np.full(rows, t), "s", "time")
+    _extend(group, "patch", identity, "1", "identity of the patch")
+    for name, column in COLUMNS.items():
+        pairs = zip(footprint.patches, motion, strict=True)
+        values = np.array([column.value(p, c) for p, c in pairs], dtype=np.float64)
+        if rows:
+            _extend(group, name, values, column.unit, column.about)
+
+
+def append_events(group: Any, events: "Sequence[Event]") -> None:
+    """Add events to the table in an HDF5 group."""
+    about = "birth, end, split (broke off other) or merge (taken up by other)"
+    _extend(group, "t", np.array([e.t for e in events], dtype=np.float64), "s", "time")
+    _extend(group, "patch", np.array([e.patch for e in events], dtype=np.int64), "1", "identity")
+    _extend(group, "other", np.array([e.other for e in events], dtype=np.int64), "1", "or -1")
+    _extend(group, "kind", np.array([e.kind for e in events], dtype="S5"), "", about)
+
+
+def _extend(group: Any, name: str, values: npt.NDArray[Any], unit: str, about: str) -> None:
+    if name not in group:
+        shape = values.shape[1:]
+        data = group.create_dataset(
+            name, (0, *shape), maxshape=(None, *shape), dtype=values.dtype, chunks=(256, *shape)
+        )
+        data.attrs["units"], data.attrs["about"] = unit, about
+    data, n = group[name], len(values)
+    if n:
+        data.resize(len(data) + n, axis=0)
+        data[-n:] = values

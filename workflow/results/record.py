@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A result folder as arrays: history, footprints and their patches, mesh and displacement."""
+
+import json
+import tomllib
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from contact.footprint import frame_of
+from meshes.tags import NAMES, Tag
+from workflow.scene.scene import Scene
+
+Array = npt.NDArray[np.float64]
+
+RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
+STEEP = 45.0  # contact angle from which on a patch counts as gauge corner [degrees]
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Nodes of one patch at one output; normals point, and forces act, on the upper body.
+
+    Attributes:
+        position: Current positions, shape ``(n, 3)`` [m].
+        normal: Unit normals, shape ``(n, 3)``.
+        pressing: Normal forces, shape ``(n,)`` [N].
+        traction: Tangential forces, shape ``(n, 3)`` [N].
+        areas: Tributary areas, shape ``(n,)`` [m2].
+        friction: Coefficients of friction, shape ``(n,)`` [-].
+        stick: Where nodes adhere, shape ``(n,)``.
+    """
+
+    position: Array
+    normal: Array
+    pressing: Array
+    traction: Array
+    areas: Array
+    friction: Array
+    stick: npt.NDArray[np.bool_]
+
+    @property
+    def normal_force(self) -> float:
+        """Sum of the normal forces [N]."""
+        return float(self.pressing.sum())
+
+    @property
+    def tangential_force(self) -> float:
+        """Size of the vector sum of the tangential forces [N]."""
+        return float(np.linalg.norm(self.traction.sum(axis=0)))
+
+    @property
+    def vertical_force(self) -> float:
+        """Vertical part of all forces [N]."""
+        return float(self.pressing @ self.normal[:, 2] + self.traction[:, 2].sum())
+
+    @property
+    def area(self) -> float:
+        """Sum of the tributary areas [m2]."""
+        return float(self.areas.sum())
+
+    @property
+    def centre(self) -> Array:
+        """Mean position weighted with the normal force, shape ``(3,)`` [m]."""
+        return np.asarray(self.pressing @ self.position / self.pressing.sum())
+
+    @property
+    def direction(self) -> Array:
+        """Unit normal of the patch: direction of its normal resultant, shape ``(3,)``."""
+        resultant = self.pressing @ self.normal
+        return np.asarray(resultant / np.linalg.norm(resultant))
+
+    @property
+    def frame(self) -> Array:
+        """Longitudinal, lateral and normal direction as rows, shape ``(3, 3)``."""
+        return frame_of(self.direction)
+
+    @property
+    def local(self) -> Array:
+        """Longitudinal and lateral position of the nodes from the centre, ``(n, 2)`` [m]."""
+        return np.asarray((self.position - self.centre) @ self.frame[:2].T)
+
+    @property
+    def shear(self) -> Array:
+        """Longitudinal and lateral shear stress on the lower body, shape ``(n, 2)`` [Pa]."""
+        return np.asarray(-self.traction @ self.frame[:2].T / self.areas[:, None])
+
+    @property
+    def longitudinal_shear(self) -> float:
+        """Mean longitudinal shear stress on the lower body [Pa]."""
+        return float(self.areas @ self.shear[:, 0] / self.area)
+
+    @property
+    def lateral_shear(self) -> float:
+        """Mean lateral shear stress on the lower body [Pa]."""
+        return float(self.areas @ self.shear[:, 1] / self.area)
+
+    @property
+    def shear_angle(self) -> float:
+        """Angle of the mean shear on the lower body from the negative longitudinal axis [degrees].
+
+        Positive towards the negative lateral axis: on a rail to the gauge side and downwards. NaN
+        where shear is less than a thousandth of the normal force.
+        """
+        if self.tangential_force < 1e-3 * self.normal_force:
+            return float("nan")
+        return float(np.degrees(np.arctan2(-self.lateral_shear, -self.longitudinal_shear)))
+
+    @property
+    def angle(self) -> float:
+        """Contact angle: of the normal from the vertical, in the y-z plane [degrees]."""
+        _, y, z = np.abs(self.direction)
+        return float(np.degrees(np.arctan2(y, z)))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """All footprints of a contact pair.
+
+    Attributes:
+        t: Output times, shape ``(k,)`` [s].
+        patches: Of each output, by place: 1 the rail top, 2 the gauge corner.
+    """
+
+    t: Array
+    patches: list[dict[int, Patch]]
+
+    def series(self, place: int, quantity: str) -> Array:
+        """Return a patch quantity over the outputs, NaN where the patch is not there."""
+        found = [p.get(place) for p in self.patches]
+        return np.array([np.nan if p is None else getattr(p, quantity) for p in found])
+
+    @property
+    def two_points(self) -> npt.NDArray[np.bool_]:
+        """Tell for each output whether both patches are there."""
+        return np.array([len(p) == 2 for p in self.patches], dtype=bool)
+
+
+@dataclass(frozen=True)
+class Body:
+    """The mesh of a run.
+
+    Attributes:
+        points: Reference positions, shape ``(n, 3)`` [m].
+        cells: Hexahedra, shape ``(c, 8)``.
+        regions: Region of each cell, shape ``(c,)``.
+        names: Name of each region.
+    """
+
+    points: Array
+    cells: npt.NDArray[np.int64]
+    regions: npt.NDArray[np.int32]
+    names: dict[int, str] = field(default_factory=lambda: {t: n for n, t in NAMES.items()})
+
+    @property
+    def centres(self) -> Array:
+        """Centre of each cell, shape ``(c, 3)`` [m]."""
+        return np.asarray(self.points[self.cells].mean(axis=1))
+
+    def part(self, mask: npt.NDArray[np.bool_]) -> "Body":
+        """Return the cells of a mask; nodes keep their numbers."""
+        return Body(self.points, self.cells[mask], self.regions[mask], self.names)
+
+
+class Record:
+    """The files of a result folder, each read when it is first asked for.
+
+    Attributes:
+        modes: Folder of natural modes that were given with it, if any.
+    """
+
+    def __init__(self, folder: str | Path, modes: Path | None = None) -> None:
+        self.folder, self.modes = Path(folder), modes
+        self.scene: dict[str, Any] = tomllib.loads((self.folder / "scene.toml").read_text("utf-8"))
+
+    @cached_property
+    def checked(self) -> Scene:
+        """The scene as checked models."""
+        return Scene.check(self.scene)
+
+    @property
+    def wheel_on_rail(self) -> bool:
+        """Tell whether this is a wheel on a rail."""
+        return bool(self.scene["mesh"]["kind"] == "wheel-on-rail")
+
+    @cached_property
+    def history(self) -> dict[str, Array]:
+        """Columns of the history by name."""
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            return {name: data[:] for name, data in file["history"].items()}
+
+    @cached_property
+    def contacts(self) -> dict[str, Contact]:
+        """Footprints of each pair that touched at all, by name."""
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            found = {name: _contact(group) for name, group in file["contact"].items()}
+        return {name: contact for name, contact in found.items() if any(contact.patches)}
+
+    @cached_property
+    def patches(self) -> dict[str, Array]:
+        """Columns of the table of patches of the first pair that touched, a row for each patch."""
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            table = file.get(f"patches/{next(iter(self.contacts))}", {})  # older folders have none
+            return {name: data[:] for name, data in table.items() if name != "events"}
+
+    @cached_property
+    def body(self) -> Body | None:
+        """The mesh, or None if the run wrote no fields."""
+        if not self._fields.exists():
+            return None
+        with h5py.File(self._fields, "r", locking=False) as file:
+            root = file["VTKHDF"]
+            cells = root["Connectivity"][:].reshape(-1, 8)
+            region = root["CellData/region"]
+            body = Body(root["Points"][:], cells, region[:])
+            if "names" not in region.attrs:
+                return body
+            names = {int(tag): name for tag, name in json.loads(region.attrs["names"]).items()}
+            return replace(body, names=names)
+
+    def displacement(self, t: float) -> Array:
+        """Return the displacement at the output nearest to time ``t``, shape ``(n, 3)`` [m]."""
+        with h5py.File(self._fields, "r", locking=False) as file:
+            root = file["VTKHDF"]
+            n = len(root["Points"])
+            if "Steps" not in root or not len(root["Steps/Values"]):
+                return np.zeros((n, 3))
+            times = root["Steps/Values"][:]
+            k = int(np.argmin(np.abs(times - t)))
+            return np.asarray(root["PointData/displacement"][k * n : (k + 1) * n], dtype=np.float64)
+
+    @property
+    def _fields(self) -> Path:
+        return self.folder / "fields.vtkhdf"
+
+
+def _contact(group: Any) -> Contact:
+    outputs = [group[k] for k in sorted(group, key=int)]
+    t = np.array([k.attrs["t"] for k in outputs])
+    return Contact(t, [patches_of(k) for k in outputs])
+
+
+def patches_of(arrays: Any) -> dict[int, Patch]:
+    """Return the patches of a footprint by place: 1 rail top, 2 gauge corner.
+
+    Patches less steep than 45 degrees count as rail top together, the rest as gauge corner, so a
+    place keeps its number through all outputs.
+
+    Args:
+        arrays: Per-node arrays by name, as in ``results.h5``.
+    """
+    touching = arrays["normal_force"][:] > 0
+    names = ("position", "normal", "normal_force", "tangential_force", "area")
+    nodal = [np.asarray(arrays[name][:], dtype=np.float64)[touching] for name in names]
+    if nodal[1][:, 2].sum() < 0:  # the target is the upper body: look at it the other way round
+        nodal[1], nodal[3] = -nodal[1], -nodal[3]
+    unknown = np.full(touching.sum(), np.nan)
+    friction = arrays["friction"][:][touching] if "friction" in arrays else unknown
+    stick = arrays["stick"][:][touching] if "stick" in arrays else unknown > 0
+    label = arrays["patch"][:][touching]
+    place = np.zeros(len(label), dtype=int)
+    for k in np.unique(label):
+        part = Patch(*(a[label == k] for a in (*nodal, friction, stick)))
+        place[label == k] = 1 if part.angle < STEEP else 2
+    return {
+        int(k): Patch(*(a[place == k] for a in (*nodal, friction, stick))) for k in np.unique(place)
+    }

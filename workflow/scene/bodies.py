@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The tables of a body: what it is made of, its element, its damping."""
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from workflow.scene.units import (
+    Component,
+    Delay,
+    Density,
+    Factor,
+    Modulus,
+    Rate,
+    Ratio,
+    Section,
+    Share,
+    Speed,
+)
+
+Axis = tuple[Component, Component, Component]
+
+
+class Isotropic(Section):
+    """Isotropic elastic material; ``hooke`` in total Lagrangian form is St. Venant-Kirchhoff's."""
+
+    law: Literal["hooke", "neo-hookean"] = "hooke"
+    youngs_modulus: Modulus
+    poisson_ratio: Ratio
+    density: Density
+
+    def constants(self, damping: float = 0.0) -> Any:
+        """Return the elastic constants as the forms take them."""
+        from forms.elasticity import Elastic
+
+        return Elastic(self.youngs_modulus, self.poisson_ratio, self.density, damping)
+
+
+class Orthotropic(Section):
+    """Linear material with three planes of symmetry; pairs of axes in the order 12, 13, 23."""
+
+    law: Literal["orthotropic"]
+    youngs_moduli: tuple[Modulus, Modulus, Modulus]
+    poisson_ratios: tuple[Component, Component, Component]
+    shear_moduli: tuple[Modulus, Modulus, Modulus]
+    axes: tuple[Axis, Axis, Axis] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    density: Density
+
+    def constants(self, damping: float = 0.0) -> Any:
+        """Return the elastic constants as the forms take them.
+
+        Raises:
+            ValueError: if the axes are not orthonormal or an energy is not positive.
+        """
+        from forms import materials
+
+        moduli, ratios, shear = self.youngs_moduli, self.poisson_ratios, self.shear_moduli
+        return materials.Orthotropic(moduli, ratios, shear, self.density, damping, self.axes)
+
+
+def law_of(material: Any) -> str:
+    """Return which table of a material is meant, ``orthotropic`` or ``isotropic``."""
+    get = material.get if isinstance(material, dict) else partial(getattr, material)
+    return "orthotropic" if get("law", "hooke") == "orthotropic" else "isotropic"
+
+
+Material = Annotated[
+    Annotated[Isotropic, Tag("isotropic")] | Annotated[Orthotropic, Tag("orthotropic")],
+    Discriminator(law_of),
+]
+
+
+class BulkViscosity(Section):
+    """Pressure against fast compression, which spreads shocks over a few cells."""
+
+    linear: Share = 0.06
+    quadratic: Share = 1.5
+
+
+class Body(Section):
+    """Regions of the mesh that share a material, an element and kinematics.
+
+    ``element`` is ``full`` (2x2x2 points), ``one-point`` with hourglass control (its stiffness from
+    the material unless ``hourglass_coefficient`` is given) or ``selective``, which does not lock at
+    Poisson ratios near 1/2.
+    """
+
+    regions: list[str] = Field(min_length=1)
+    material: Material
+    kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
+    element: Literal["full", "one-point", "selective"] = "full"
+    hourglass_coefficient: Factor | None = None
+    stiffness_damping: Delay = 0.0
+    mass_damping: Rate = 0.0
+    bulk_viscosity: BulkViscosity | None = None
+    velocity: tuple[Speed, Speed, Speed] | None = None

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The tables of a scene's mesh: shapes with closed forms, and wheel on rail."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
+
+from pydantic import (
+    field_validator,
+    model_validator,
+)
+
+from workflow.scene.units import Angle, Count, Distance, Growth, Length, Position, Section, Slope
+
+if TYPE_CHECKING:
+    from meshes.formats.contents import Groups
+
+SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
+
+
+class BarMesh(Section):
+    """A straight bar along x, one end at x = 0."""
+
+    regions: ClassVar = ("bar",)
+    surfaces: ClassVar = (*SIDES, "zmin")
+
+    kind: Literal["bar"]
+    length: Length
+    width: Length
+    size: Length
+
+
+class BlocksMesh(Section):
+    """A block lying on a base with a mesh that does not match."""
+
+    regions: ClassVar = ("block", "base")
+    surfaces: ClassVar = (*SIDES, "block_bottom", "base_bottom", "base_top")
+
+    kind: Literal["block-on-base"]
+    size: Length
+    base_size: Length
+    block: tuple[Length, Length, Length]
+    base: tuple[Length, Length, Length]
+
+
+class CapMesh(Section):
+    """A quarter of a spherical cap on a quarter of a flat block, graded to the contact."""
+
+    regions: ClassVar = ("sphere", "base")
+    surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
+
+    kind: Literal["cap-on-block"]
+    radius: Length
+    extent: Length
+    size: Length
+    growth: Growth = 1.2
+
+
+Ends = tuple[Position, Position]
+
+
+class CurvedMesh(Section):
+    """Two curved bodies that touch at the origin, uniform cells in a zone around it.
+
+    ``radius`` lies in the x-z plane and ``crown`` across it; one left out is flat. ``layers`` equal
+    cells along y take the place of ``fine_y``, one of them makes plane strain between held sides.
+    With ``rolls`` the upper body is a sector of a ring, ``x`` counted along its running circle.
+    """
+
+    regions: ClassVar = ("roller", "base")
+    surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
+
+    kind: Literal["curved-on-curved"]
+    size: Length
+    base_size: Length | None = None
+    growth: Growth = 1.2
+    x: Ends
+    fine_x: Ends
+    y: Ends
+    fine_y: Ends | None = None
+    layers: Count | None = None
+    height: Length
+    depth: Length
+    radius: Length | None = None
+    crown: Length | None = None
+    base_radius: Length | None = None
+    base_crown: Length | None = None
+    rolls: bool = False
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.fine_y is None) == (self.layers is None):
+            raise ValueError("mesh: expected exactly one of fine_y and layers")
+        if self.rolls and self.radius is None:
+            raise ValueError("mesh.radius: missing; mesh.rolls expects the radius to roll on [m]")
+        return self
+
+
+class Sleepers(Section):
+    """Half sleepers under the rail, boxes of a few cells from the track centre outwards.
+
+    ``height`` is that in the middle of the rail seat, ``pad`` the gap between seat and rail.
+    """
+
+    spacing: Length
+    length: Length
+    width: Length
+    height: Length
+    pad: Length
+    cells: tuple[Count, Count, Count] = (2, 6, 1)
+
+
+class WheelRailMesh(Section):
+    """A wheelset half on a rail in the track position, fine where it will roll.
+
+    A profile is the name of a built-in one or of a CSV file; a rail head from a file is joined to
+    web and foot of ``rail_base``. ``lateral_shift``, if given, takes the place of ``flange_gap``.
+    ``roll`` is the angle by which the axle rises towards the field side.
+    """
+
+    kind: Literal["wheel-on-rail"]
+    size: Length
+    wheel_profile: str = "S1002"
+    rail_profile: str = "54E1"
+    rail_base: Literal["54E1", "60E1"] = "54E1"
+    profile_smoothing: Distance = 0.0
+    wheel_design: str = "D_curved_web"
+    wheel_radius: Length = 0.46
+    inclination: Slope = 1 / 40
+    gauge: Length = 1.435
+    rail_length: Length = 10.0
+    start: Position = 0.3
+    flange_gap: Length = 3e-4
+    lateral_shift: Position | None = None
+    roll: Angle = 0.0
+    margin: Length = 0.03
+    sleepers: Sleepers | None = None
+
+    @field_validator("wheel_profile", "rail_profile")
+    @classmethod
+    def _absolute(cls, name: str) -> str:
+        """Name a file so that a result's scene.toml runs again from anywhere."""
+        return str(Path(name).absolute()) if Path(name).is_file() else name
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions."""
+        own = ("tyre", "web", "hub", "axle", "rail_head", "rail_web", "rail_foot")
+        return (*own, "sleeper") if self.sleepers else own
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        wheelset = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
+        rail = ("railhead", "foot_underside", "rail_ends", "rail_skin")
+        below = ("sleeper_top", "sleeper_bottom", "sleeper_inner", "sleeper_skin")
+        return (*wheelset, *rail, *(below if self.sleepers else ()))
+
+
+class FileMesh(Section):
+    """A hexahedral mesh from a file of another program; its named groups are regions and surfaces.
+
+    ``scale`` is the length of the file's unit. ``groups`` names the groups to use, by their name in
+    the file, and what to call them here; all are used if it is left out. ``size`` is the edge of
+    the cells where bodies touch, the shortest of the mesh if left out. A wheel that rolls needs
+    ``wheel_centre``, a point of its axle, and ``rolling_radius`` at its first contact.
+    """
+
+    kind: Literal["file"]
+    path: str
+    scale: Length = 1.0
+    groups: dict[str, str] | None = None
+    size: Length | None = None
+    wheel_centre: tuple[Position, Position, Position] | None = None
+    rolling_radius: Length | None = None
+
+    @field_validator("path")
+    @classmethod
+    def _absolute(cls, path: str) -> str:
+        return str(Path(path).absolute())  # a result's scene.toml runs again from anywhere
+
+    @model_validator(mode="after")
+    def _has_regions(self) -> Self:
+        if not self.names.regions:
+            raise ValueError(
+                f"mesh.path = {self.path!r}: expected named groups of hexahedra, got "
+                f"{self.names.listed}"
+            )
+        return self
+
+    @property
+    def names(self) -> "Groups":
+        """Names of the groups that are used; read from the file."""
+        from meshes.formats.contents import groups
+
+        try:
+            return groups(self.path).chosen(self.groups)
+        except (ValueError, OSError) as error:
+            raise ValueError(f"mesh.path = {self.path!r}: {error}") from None
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions."""
+        return self.names.regions
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        return self.names.surfaces

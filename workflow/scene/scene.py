@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Scenes: what a run is made of, as checked models. Every number is in SI and carries its unit."""
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError, model_validator
+
+from workflow.scene.bodies import Body
+from workflow.scene.contacts import law_of
+from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.settings import (
+    Contact,
+    Driven,
+    Equilibrium,
+    Guards,
+    Load,
+    Output,
+    Probe,
+    Rolling,
+    Section,
+    Support,
+    Time,
+    unfit,
+)
+from workflow.scene.track import Absorbing, Spring, Track, Vehicle
+from workflow.scene.units import Acceleration, explain
+
+
+class SceneError(ValueError):
+    """A scene that cannot be run: the message names the key, what it got and what it expects."""
+
+
+class Scene(Section):
+    """A complete run."""
+
+    name: str
+    title: str
+    about: str = ""
+    mesh: Annotated[
+        BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh,
+        Field(discriminator="kind"),
+    ]
+    bodies: dict[str, Body] = Field(min_length=1)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    contacts: dict[str, Contact] = Field(default_factory=dict)
+    supports: list[Support] = Field(default_factory=list)
+    loads: list[Load] = Field(default_factory=list)
+    driven: dict[str, Driven] = Field(default_factory=dict)
+    springs: list[Spring] = Field(default_factory=list)
+    absorbing: list[Absorbing] = Field(default_factory=list)
+    rolling: Rolling | None = None
+    vehicle: Vehicle | None = None
+    track: Track | None = None
+    equilibrium: Equilibrium | None = None
+    probes: list[Probe] = Field(default_factory=list)
+    time: Time
+    guards: Guards = Guards()
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Scene":
+        if wrong := [*self._unknown_names(), *self._unfit_bodies(), *self._unfit_friction()]:
+            raise ValueError("\n".join(wrong))
+        if self.rolling:
+            if self.rolling.body not in self.bodies:
+                raise ValueError(
+                    f"rolling.body = {self.rolling.body!r}: expected one of {list(self.bodies)}"
+                )
+            if isinstance(self.mesh, FileMesh):
+                keys = ("wheel_centre", "rolling_radius")
+                if missing := [f"mesh.{k}" for k in keys if getattr(self.mesh, k) is None]:
+                    raise ValueError(
+                        f"{', '.join(missing)}: missing; [rolling] with mesh.kind = 'file' "
+                        "expects a point of the axle and the radius at the first contact [m]"
+                    )
+            elif self.mesh.kind != "wheel-on-rail":
+                raise ValueError(
+                    f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail' or 'file'"
+                )
+        if self.equilibrium and not (self.loads or any(self.gravity or ()) or self.driven):
+            raise ValueError(
+                "equilibrium: expected gravity, loads or a driven body to bring to rest, got none"
+            )
+        if self.equilibrium and self.equilibrium.shift and not self.rolling:
+            raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
+        sampled = self.output.sample_interval
+        if sampled is not None and sampled > self.time.end:
+            raise ValueError(
+                f"output.sample_interval = {sampled}: expected at most time.end = {self.time.end} s"
+            )
+        if self.time.output_interval > self.time.end:
+            raise ValueError(
+                f"time.output_interval = {self.time.output_interval}: "
+                f"expected at most time.end = {self.time.end} s"
+            )
+        return self
+
+    def _unknown_names(self) -> Iterator[str]:
+        """Yield a line for every body, region and surface that this scene does not have."""
+        regions, owner = self.mesh.regions, dict[str, str]()
+        for name, body in self.bodies.items():
+            for region in (r.lower() for r in body.regions):
+                if region not in regions:
+                    yield f"bodies.{name}.regions = {region!r}: expected one of {list(regions)}"
+                elif region in owner:
+                    yield f"bodies.{name}.regions = {region!r}: in body {owner[region]!r} already"
+                owner[region] = name
+        if missing := [r for r in regions if r not in owner]:
+            yield f"bodies: no body has the regions {missing} of the mesh"
+        if self.rolling and self.rolling.driven_region.lower() not in regions:
+            got = self.rolling.driven_region
+            yield f"rolling.driven_region = {got!r}: expected one of {list(regions)}"
+        for key, surface in self.surfaces():
+            if surface.lower() not in self.mesh.surfaces:
+                yield f"{key} = {surface!r}: expected one of {list(self.mesh.surfaces)}"
+        for name in self.equilibrium.approach if self.equilibrium else ():
+            if name not in self.bodies:
+                yield f"equilibrium.approach.{name}: expected one of {list(self.bodies)}"
+        for name in self.driven:
+            if name not in self.bodies:
+                yield f"driven.{name}: expected one of {list(self.bodies)}"
+        yield from unfit(self.probes, list(regions), self.output.sample_interval)
+
+    def _unfit_bodies(self) -> Iterator[str]:
+        """Yield a line for every key of a body that does not go with its others."""
+        for name, body in self.bodies.items():
+            key, law = f"bodies.{name}", body.material.law
+            if law == "orthotropic":
+                try:
+                    body.material.constants()
+                except ValueError as error:
+                    yield f"{key}.material: {error}"
+            if law == "neo-hookean" and body.kinematics != "total-lagrangian":
+                got = body.kinematics
+                yield f"{key}.kinematics = {got!r}: neo-hookean expects 'total-lagrangian'"
+            hooke = "small-strain" if law == "hooke" else "total-lagrangian"
+            if body.element == "selective" and (law == "orthotropic" or body.kinematics != hooke):
+                yield (
+                    f"{key}.element = 'selective': expected material.law = 'hooke' with kinematics "
+                    f"'small-strain', or 'neo-hookean', got {law!r} with {body.kinematics!r}"
+                )
+            if body.hourglass_coefficient is not None and body.element != "one-point":
+                yield (
+                    f"{key}.hourglass_coefficient: expected element = 'one-point', "
+                    f"got {body.element!r}"
+                )
+
+    def _unfit_friction(self) -> Iterator[str]:
+        """Yield a line for every friction law that cannot be used."""
+        for name, contact in self.contacts.items():
+            if isinstance(contact.friction, Section):
+                try:
+                    law_of(contact.friction)
+                except ValueError as error:
+                    yield f"contacts.{name}.friction: {error}"
+
+    def surfaces(self) -> Iterator[tuple[str, str]]:
+        """Yield the key and value of every surface that this scene names."""
+        for name, contact in self.contacts.items():
+            yield f"contacts.{name}.contactor", contact.contactor
+            if isinstance(contact.target, str):
+                yield f"contacts.{name}.target", contact.target
+        hold = self.equilibrium.hold if self.equilibrium else []
+        lists: dict[str, list[Any]]
+        lists = {"supports": self.supports, "loads": self.loads, "equilibrium.hold": hold}
+        lists |= {"springs": self.springs, "absorbing": self.absorbing}
+        for key, entries in lists.items():
+            for i, entry in enumerate(entries):
+                yield f"{key}.{i}.surface", entry.surface
+        for body, motion in self.driven.items():
+            yield f"driven.{body}.surface", motion.surface
+        for i, probe in enumerate(self.probes):
+            if probe.surface is not None:
+                yield f"probes.{i}.surface", probe.surface
+        if self.vehicle:
+            yield "vehicle.journal", self.vehicle.journal
+        if self.track:
+            yield "track.seat", self.track.seat
+            for key in ("sleeper_top", "sleeper_bottom"):
+                if (name := getattr(self.track, key)) is not None:
+                    yield f"track.{key}", name
+            if self.track.ends != "free":
+                yield "track.end_surface", self.track.end_surface
+
+    @staticmethod
+    def load(source: str | Path, **changes: Any) -> "Scene":
+        """Return the built-in scene or TOML file ``source`` with keys changed.
+
+        Args:
+            source: Name of a built-in scene, or path of a TOML file.
+            changes: Values by dotted key, as in ``with_``.
+
+        Raises:
+            SceneError: naming the key, what it got and what it expects.
+        """
+        return Scene.check(_merged(read(source), changes))
+
+    @staticmethod
+    def check(data: Mapping[str, Any]) -> "Scene":
+        """Return the scene described by nested tables, or raise ``SceneError``."""
+        try:
+            return Scene.model_validate(data)
+        except ValidationError as error:
+            raise SceneError("\n".join(explain(e, data, Scene) for e in error.errors())) from None
+
+    def with_(self, **changes: Any) -> "Scene":
+        """Return the scene with keys changed, e.g. ``with_(**{"mesh.size": 1e-3})``."""
+        return Scene.check(_merged(self.tables(), changes))
+
+    def tables(self) -> dict[str, Any]:
+        """Return the fully resolved scene as nested tables without empty entries."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def names() -> list[str]:
+    """Return the names of the built-in scenes."""
+    folder = resources.files("workflow.scene") / "builtin"
+    return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
+
+
+def read(source: str | Path) -> dict[str, Any]:
+    """Return the tables of a built-in scene or a TOML file, unchecked.
+
+    The path of a mesh file is relative to the TOML file that names it.
+    """
+    path = Path(source)
+    try:
+        tables = tomllib.loads(_text(path, str(source)))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError(f"{source}: not valid TOML: {error}") from None
+    mesh = tables.get("mesh")
+    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
+        mesh["path"] = str(path.parent / mesh["path"])
+    return tables
+
+
+def _text(path: Path, source: str) -> str:
+    if path.suffix != ".toml" and source in names():
+        return (resources.files("workflow.scene") / "builtin" / f"{source}.toml").read_text("utf-8")
+    if path.is_file():
+        return path.read_text("utf-8")
+    raise SceneError(f"scene {source!r}: expected a TOML file or one of {', '.join(names())}")
+
+
+def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(data)
+    for key, value in changes.items():
+        *tables, last = key.split(".")
+        inner = merged
+        for depth, table in enumerate(tables, 1):
+            below = inner.get(table, {})
+            if not isinstance(below, dict):
+                path = ".".join(tables[:depth])
+                raise SceneError(f"{key}: expected a key of the scene, but {path} is not a table")
+            inner[table] = dict(below)
+            inner = inner[table]
+        inner[last] = value
+    return merged

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies carried by one of their surfaces in a steady rigid motion, and supports that move."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import la
+
+from workflow.model.regions import surface_nodes
+from workflow.scene.settings import Driven
+
+if TYPE_CHECKING:
+    from workflow.model.model import Model
+from typing import TYPE_CHECKING
+
+from workflow.model.supports import supports
+from workflow.scene.settings import Support
+
+if TYPE_CHECKING:
+    from workflow.model.model import Model
+
+Array = npt.NDArray[np.float64]
+
+NOWHERE = np.zeros(3)
+
+
+class Carried:
+    """A surface that keeps to a rigid motion, and the work of the forces that keep it there.
+
+    Attributes:
+        work: Work of this rank's nodes since the first step [J].
+    """
+
+    def __init__(self, model: "Model", body: str, entry: Driven) -> None:
+        self.body, self.entry, self.dt, self.work = body, entry, model.dt, 0.0
+        domain = model.domain
+        local = domain.local_dofs(surface_nodes(domain, entry.surface))
+        self.dofs = local[local >= 0]
+        self.velocity, self.spin = np.array(entry.velocity), np.array(entry.spin)
+        self.mass = model.mass.array[::3][self.dofs, None]
+        self.reference = domain.V.tabulate_dof_coordinates()
+        # the whole body was moved by the static solve, its axis with it
+        u = model.state.u.x.array.reshape(-1, 3)[self.dofs]
+        comm = domain.msh.comm
+        shift = comm.allreduce(u.sum(axis=0)) / comm.allreduce(len(self.dofs))
+        self.centre = np.array(entry.centre) + shift
+        self.state = model.state
+        self.index = 3 * self.dofs.astype(np.int64)[:, None] + np.arange(3)
+        self.arm = self.reference[self.dofs] - self.centre
+        wx, wy, wz = self.spin
+        skew = np.array([[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]])
+        self.turn, self.spins = (skew @ skew).T, bool(self.spin.any())
+        self.still = not self.entry.shift_time
+        self.reaction: Array | None = None
+
+    def rigid(self, dofs: npt.NDArray[np.int32]) -> Array:
+        """Return the velocity of the rigid motion at nodes at the start, ``(n, 3)`` [m/s].
+
+        Material that flows through the pattern is where it would be without it.
+        """
+        if self.entry.steady_start:
+            arm = self.reference[dofs] - self.entry.centre
+        else:
+            arm = self.places(dofs) - self.centre
+        return np.asarray(self.velocity + np.cross(self.spin, arm))
+
+    def flow(self, x: Any) -> Any:
+        """Return the same at the reference places ``x``, as a UFL vector."""
+        V, omega, centre = map(
+            ufl.as_vector, (self.entry.velocity, self.entry.spin, self.entry.centre)
+        )
+        return V + ufl.cross(omega, x - centre)
+
+    def places(self, dofs: npt.NDArray[np.int32]) -> Array:
+        """Return the present places of nodes, shape ``(n, 3)`` [m]."""
+        return np.asarray(self.reference[dofs] + self.state.u.x.array.reshape(-1, 3)[dofs])
+
+    def shift(self, t: float) -> tuple[Array, Array]:
+        """Return what of the shift is done and its acceleration: a quintic from rest to rest.
+
+        Shapes ``(3,)`` [m] and [m/s²].
+        """
+        if self.still:
+            return NOWHERE, NOWHERE
+        way, time = np.array(self.entry.shift), self.entry.shift_time
+        if not 0 < t < time:
+            return (way if t > 0 else 0 * way), 0 * way
+        s = t / time
+        return way * s**3 * (10 - 15 * s + 6 * s**2), way / time**2 * s * (
+            60 - 180 * s + 120 * s**2
+        )
+
+    def steer(self, a: la.Vector, free: Array) -> None:
+        """Set the acceleration of the rigid motion, in place, and count the work so far.
+
+        It is ``ω × (ω × r)`` and that of the shift; the reaction, mass times what it differs from
+        the free acceleration, does the work ``(R₋ + R) / 2 · dt v`` on the way from the last step.
+        """
+        state, index = self.state, self.index
+        moved, pull = self.shift(state.t)
+        if self.spins:
+            held = state.u.x.array[index]
+            held += self.arm - (self.velocity * state.t + moved)
+            held = held @ self.turn + pull
+        else:
+            held = np.broadcast_to(pull, index.shape)
+        a.array[index] = held
+        reaction = held - free
+        reaction *= self.mass
+        if self.reaction is not None:
+            both = np.add(self.reaction, reaction, out=self.reaction)
+            self.work += self.dt / 2 * float(np.vdot(both, state.v.x.array[index]))
+        self.reaction = reaction
+
+
+class Hold:
+    """The supports of a scene with driven surfaces: a callable in place of ``model.supports``.
+
+    Attributes:
+        carried: The driven surfaces.
+        moved: The supports that move.
+    """
+
+    def __init__(self, model: "Model") -> None:
+        self.supports = model.supports
+        self.carried = [Carried(model, *entry) for entry in model.scene.driven.items()]
+        self.moved = moved(model)
+
+    @property
+    def work(self) -> float:
+        """Work of this rank's driven nodes [J]."""
+        return sum(c.work for c in self.carried) + sum(m.work for m in self.moved)
+
+    def __call__(self, a: la.Vector) -> None:
+        """Impose all held and driven components of an acceleration, in place."""
+        free = [a.array[c.index] for c in self.carried]
+        loose = [m.free(a) for m in self.moved]
+        self.supports(a)
+        for mover, along in zip(self.moved, loose, strict=True):
+            mover.steer(a, along)
+        for carried, before in zip(self.carried, free, strict=True):
+            carried.steer(a, before)
+
+
+def start(model: "Model") -> None:
+    """Set the velocities of driven bodies at time zero and what holds them from now on."""
+    model.drives = hold = Hold(model)
+    v = model.state.v.x.array.reshape(-1, 3)
+    flows, x = {}, ufl.SpatialCoordinate(model.domain.msh)
+    for carried in hold.carried:
+        dofs = model.body_dofs(carried.body)
+        v[dofs] = carried.rigid(dofs)
+        if carried.entry.steady_start:
+            flows[carried.body] = carried.flow(x)
+    if flows:
+        from workflow.simulation.rolling import convected
+
+        v[: model.domain.owned] += convected(model, flows)
+    model.supports(model.state.v.x)
+    for carried in hold.carried:
+        v[carried.dofs] = carried.rigid(carried.dofs)
+
+
+class Moved:
+    """Nodes held along a direction whose speed there changes once, and the work of what does it.
+
+    From ``begin`` on and within ``ramp`` the speed goes from 0 to ``velocity`` as
+    ``s³ (10 - 15 s + 6 s²)``, so that acceleration and jerk are continuous.
+
+    Attributes:
+        work: Work of this rank's nodes since the first step [J].
+        reaction: Force that holds them along the direction, of this rank [N].
+    """
+
+    def __init__(self, model: "Model", entry: Support) -> None:
+        found = supports([entry], model.scene, model.domain)
+        self.entry, self.state, self.dt = entry, model.state, model.dt
+        self.dofs, self.direction = found.dofs[0], found.directions[0]
+        self.mass = model.mass.array[::3][self.dofs]
+        self.work, self.reaction = 0.0, float("nan")
+
+    def acceleration(self, t: float) -> float:
+        """Return the prescribed acceleration at a time [m/s²]."""
+        s = (t - self.entry.begin) / self.entry.ramp
+        return self.entry.velocity / self.entry.ramp * 30 * (s * (1 - s)) ** 2 if 0 < s < 1 else 0.0
+
+    def free(self, a: la.Vector) -> Array:
+        """Return the acceleration that the other forces give the nodes, shape ``(n,)`` [m/s²]."""
+        return np.asarray(a.array.reshape(-1, 3)[self.dofs] @ self.direction)
+
+    def steer(self, a: la.Vector, free: Array) -> None:
+        """Add the prescribed acceleration where the supports have left none, and count the work.
+
+        Args:
+            a: Acceleration, its held component gone, in place [m/s²].
+            free: What :meth:`free` returned before.
+        """
+        held = self.acceleration(self.state.t)
+        if held:
+            a.array.reshape(-1, 3)[self.dofs] += held * self.direction
+        reaction = float(self.mass @ (held - free))
+        if len(self.dofs) and not np.isnan(self.reaction):
+            speed = self.state.v.x.array[3 * self.dofs[0] :][:3] @ self.direction
+            self.work += self.dt / 2 * (self.reaction + reaction) * float(speed)
+        self.reaction = reaction
+
+
+def moved(model: "Model") -> list[Moved]:
+    """Return the supports of a scene that move."""
+    return [Moved(model, entry) for entry in model.scene.supports if entry.velocity]
+
+
+def moves(scene: Any) -> bool:
+    """Tell whether a support of a scene moves."""
+    return any(entry.velocity for entry in scene.supports)

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Motion at probes and contact forces, sampled more often than there are outputs.
+
+A sample is the mean over a window from one sample time to the next, never a value at an instant:
+
+- velocity ``(u₁ - u₀) / T`` and acceleration ``(v₁ - v₀) / T``, which are those means exactly;
+- displacement and contact force by the trapezoidal rule over the steps, so that force times ``T``
+  is the momentum that goes over between the velocities ``v + dt/2 a`` at both ends.
+
+The mean is the filter that guards against aliasing. It takes the amplitude at a frequency f to
+``sinc(f T) = sin(π f T) / (π f T)``, which spectra are divided by. What is left of an oscillation
+at ``1/T - f`` then shows up at f with ``f T / (1 - f T)`` of its size: 11 % at 10 kHz and
+``T`` = 10 µs, less below. Steps are 1/50 of a window and less; they are filtered by no more.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workflow.model.regions import area_shares, facets, surface_nodes
+from workflow.scene.scene import SceneError
+from workflow.scene.settings import Probe
+
+if TYPE_CHECKING:
+    from meshes.domain import Domain
+    from workflow.model.model import Model
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+
+def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
+    """Return the nodes of a probe and their shares in its mean, which sum to 1.
+
+    Args:
+        probe: The probe.
+        domain: The mesh.
+        mass: Lumped mass of every mesh node, shape ``(n,)`` [kg].
+    """
+    source = domain.source
+    if probe.surface is not None:
+        nodes = surface_nodes(domain, probe.surface)
+    elif probe.region is not None:
+        nodes = np.unique(source.cells[np.isin(source.regions, source.tags([probe.region]))])
+    else:
+        nodes = np.unique(source.cells)
+    if probe.point is not None:
+        away = np.linalg.norm(source.points[nodes] - probe.point, axis=1)
+        return nodes[[int(np.argmin(away))]], np.ones(1)
+    if probe.surface is not None:
+        return area_shares(domain, facets(domain, probe.surface))
+    return nodes, mass[nodes] / mass[nodes].sum()
+
+
+class Gauge:
+    """One probe: means of its motion over windows, this rank's part.
+
+    Attributes:
+        nodes: Its mesh nodes.
+    """
+
+    def __init__(self, probe: Probe, model: "Model", mass: Array) -> None:
+        self.probe, self.state, self.dt = probe, model.state, model.dt
+        self.nodes, share = place(probe, model.domain, mass)
+        local = model.domain.local_dofs(self.nodes)
+        self.index = 3 * local[local >= 0].astype(np.int64)[:, None] + np.arange(3)
+        self.share = share[local >= 0]
+        self.sum, self.start = np.zeros(3), np.zeros(3)
+        self.every_step = probe.quantity == "displacement"
+
+    def now(self) -> Array:
+        """Return what the mean is made of: displacement, or velocity at t [m, m/s]."""
+        state, index = self.state, self.index
+        if self.probe.quantity == "acceleration":
+            v = state.v.x.array.take(index) + self.dt / 2 * state.a.array.take(index)
+            return np.asarray(self.share @ v)
+        return np.asarray(self.share @ state.u.x.array.take(index))
+
+    def follow(self, weight: float = 1.0) -> None:
+        """Take the present step into the window, a mean by the trapezoidal rule."""
+        if self.every_step:
+            self.sum += weight * self.now()
+
+    def close(self, every: int) -> Array:
+        """Return the mean over the window that ends now, and begin the next, shape ``(3,)``."""
+        if self.every_step:
+            mean = (self.sum + self.now() / 2) / every
+            self.begin()
+            return np.asarray(mean)
+        before = self.start
+        self.start = self.now()
+        return (self.start - before) / (every * self.dt)
+
+    def begin(self) -> None:
+        """Begin a window now."""
+        now = self.now()
+        self.start, self.sum = now, now / 2
+
+
+class Touch:
+    """The forces of one contact pair: means over windows, alike on all ranks, kept on rank 0.
+
+    Attributes:
+        pair: The contact pair.
+        total: Sums of normal and tangential force on the contactor, shape ``(2, 3)`` [N].
+        nodal: The same of every contactor node, shape ``(nc, 6)`` [N].
+    """
+
+    def __init__(self, pair: Any) -> None:
+        self.pair, self.side = pair, getattr(pair, "passes", (pair,))[0]
+        self.total = np.zeros((2, 3))
+        self.nodal = np.zeros((len(self.side.contactor.nodes), 6))
+
+    def now(self) -> tuple[Array, npt.NDArray[np.int32], Array]:
+        """Return the total, the touching nodes (first pass) and their forces at this step."""
+        h = self.side.history
+        touching = h.touching[: self.side.active]
+        force = np.empty((len(touching), 6))
+        np.multiply(
+            h.normal.take(touching, axis=0), h.pressing.take(touching)[:, None], out=force[:, :3]
+        )
+        h.traction.take(touching, axis=0, out=force[:, 3:])
+        total = np.array([self.pair.normal_resultant, self.pair.tangential_force])
+        return total, touching, force
+
+    def follow(self, weight: float = 1.0) -> None:
+        """Take the present step into the window."""
+        total, touching, force = self.now()
+        if weight != 1.0:
+            total *= weight
+            force *= weight
+        self.total += total
+        self.nodal[touching] += force
+
+    def close(self, every: int) -> tuple[Array, Index, Array]:
+        """Return the means over the window that ends now, and begin the next.
+
+        Total ``(2, 3)`` [N]; mesh nodes that touched ``(m,)`` and their forces ``(m, 6)`` [N].
+        """
+        self.follow(0.5)
+        touched = np.flatnonzero(self.nodal.any(axis=1))
+        nodes = self.side.contactor.nodes[touched]
+        means = self.total / every, nodes, self.nodal[touched] / every
+        self.begin()
+        return means
+
+    def begin(self) -> None:
+        """Begin a window now."""
+        self.total[:] = 0.0
+        self.nodal[:] = 0.0
+        self.follow(0.5)
+
+
+class Sampling:
+    """Samples probes and contact pairs of a run; all ranks call it alike.
+
+    Attributes:
+        every: Steps of a window.
+        written: Samples that are in the results already.
+    """
+
+    def __init__(self, model: "Model") -> None:
+        scene, domain = model.scene, model.domain
+        assert scene.output.sample_interval is not None
+        self.every = max(1, round(scene.output.sample_interval / model.dt))
+        self.model, self.written, self.open = model, 0, False
+        self.interval = self.every * model.dt
+        comm = domain.msh.comm
+        mass = np.zeros(len(domain.source.points))
+        if any(p.region is not None and p.point is None for p in scene.probes):
+            mass[domain.nodes[: domain.owned]] = model.mass.array[::3][: domain.owned]
+            mass = comm.allreduce(mass)
+        self.gauges = [Gauge(probe, model, mass) for probe in scene.probes]
+        self.touches = {n: Touch(p) for n, p in model.pairs.items()} if comm.rank == 0 else {}
+        self.busy = [g for g in self.gauges if g.every_step]
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the samples that wait to be written."""
+        self.t: list[float] = []
+        self.motion: list[Array] = []
+        self.force: dict[str, list[tuple[Array, Index, Array]]] = {n: [] for n in self.touches}
+
+    def lines(self) -> list[str]:
+        """Say what is sampled, for the log."""
+        points = self.model.domain.source.points
+        told = [f"sampled: means over {self.every} steps, {self.interval * 1e6:.3f} us"]
+        for gauge in self.gauges:
+            probe, n = gauge.probe, len(gauge.nodes)
+            where = f"mean of the {n} nodes of {probe.surface or probe.region}"
+            if probe.point is not None:
+                at = points[gauge.nodes[0]]
+                off = np.linalg.norm(at - probe.point)
+                x, y, z = at
+                where = f"node {gauge.nodes[0]} at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+                where += f", {off:.1e} m from the point given"
+            told.append(f"probe {probe.name}: {probe.quantity} of {where}")
+        return told
+
+    def step(self) -> None:
+        """Take in the present step, its forces in place; close the window if it is full."""
+        edge = self.model.state.step % self.every == 0
+        if edge and self.open:
+            self._close()
+        elif edge:
+            for gauge in self.gauges:
+                gauge.begin()
+            for touch in self.touches.values():
+                touch.begin()
+            self.open = True
+        elif self.open:
+            for gauge in self.busy:
+                gauge.follow()
+            for touch in self.touches.values():
+                touch.follow()
+
+    def _close(self) -> None:
+        self.t.append(self.model.state.t - self.interval / 2)
+        if self.gauges:
+            self.motion.append(np.array([gauge.close(self.every) for gauge in self.gauges]))
+        for name, touch in self.touches.items():
+            self.force[name].append(touch.close(self.every))
+
+    def take(self) -> dict[str, npt.NDArray[Any]]:
+        """Return the waiting samples by name, whole on rank 0, and count them as written.
+
+        ``t`` (k,), ``motion`` (k, probes, 3), and of each pair ``PAIR/total`` (k, 2, 3),
+        ``PAIR/count`` (k,) nodes of each sample, ``PAIR/node`` and ``PAIR/nodal`` (m, 6).
+        """
+        whole = self._waiting()
+        comm = self.model.domain.msh.comm
+        if self.gauges:
+            parts = comm.gather(whole["motion"])
+            whole["motion"] = sum(parts[1:], parts[0]) if parts else whole["motion"]
+        self.written += len(self.t)
+        self.clear()
+        return whole
+
+    def _waiting(self) -> dict[str, npt.NDArray[Any]]:
+        """Return what waits by name, this rank's part of the motion."""
+        arrays: dict[str, npt.NDArray[Any]] = {"t": np.array(self.t)}
+        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.gauges), 3)
+        for name, means in self.force.items():
+            total, nodes, nodal = zip(*means, strict=True) if means else ((), (), ())
+            arrays[f"{name}/total"] = np.array(total).reshape(-1, 2, 3)
+            arrays[f"{name}/count"] = np.array([len(n) for n in nodes], dtype=np.int64)
+            arrays[f"{name}/node"] = np.concatenate([np.zeros(0, dtype=np.int64), *nodes])
+            arrays[f"{name}/nodal"] = np.concatenate([np.zeros((0, 6)), *nodal])
+        return arrays
+
+    # ---- memory ---------------------------------------------------------------------------
+
+    def memory(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that coming samples depend on, whole on rank 0; collective."""
+        comm, waiting = self.model.domain.msh.comm, self._waiting()
+        starts = np.array([[g.start, g.sum] for g in self.gauges]).reshape(-1, 2, 3)
+        waiting["motion"], waiting["start"] = (
+            np.array(comm.allgather(part)) for part in (waiting["motion"], starts)
+        )
+        for name, touch in self.touches.items():
+            waiting |= {f"{name}/sum": touch.total.copy(), f"{name}/sums": touch.nodal.copy()}
+        return waiting | {"every": np.array([self.every, self.written, self.open])}
+
+    def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from what :meth:`memory` returned, the same on every rank; any number of ranks.
+
+        Raises:
+            SceneError: if the windows have another length now.
+        """
+        if not memory:  # sampling begins here
+            return
+        every, self.written, opened = map(int, memory["every"])
+        if every != self.every:
+            raise SceneError(
+                f"output.sample_interval: {self.every} steps, expected {every} as in the "
+                "checkpoint; a run that is resumed keeps its interval or leaves it out"
+            )
+        self.open, self.t = bool(opened), list(memory["t"])
+        comm = self.model.domain.msh.comm
+        motion, start = (self._mine(memory[key], comm) for key in ("motion", "start"))
+        self.motion = list(motion) if self.gauges else []
+        for gauge, (before, sums) in zip(self.gauges, start, strict=True):
+            gauge.start, gauge.sum = before.copy(), sums.copy()
+        for name, touch in self.touches.items():
+            touch.total[:], touch.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
+            cuts = np.cumsum(memory[f"{name}/count"])[:-1]
+            nodes, nodal = (np.split(memory[f"{name}/{key}"], cuts) for key in ("node", "nodal"))
+            self.force[name] = list(zip(memory[f"{name}/total"], nodes, nodal, strict=False))
+
+    @staticmethod
+    def _mine(parts: npt.NDArray[Any], comm: Any) -> npt.NDArray[Any]:
+        """Return this rank's part; on other ranks than before, rank 0 has them all."""
+        if len(parts) == comm.size:
+            return np.asarray(parts[comm.rank])
+        whole = parts.sum(axis=0)
+        return whole if comm.rank == 0 else np.zeros_like(whole)

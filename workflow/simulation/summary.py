@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a run tells of itself: a row of history and the footprints at each output, the summary."""
+
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from workflow.model.model import Model
+from workflow.results.patches import creepages
+from workflow.results.writer import Results
+from workflow.simulation.energy import Energy, columns
+from workflow.simulation.progress import Clock
+
+
+def output(model: Model, results: Results, energy: Energy, error: float) -> dict[str, float]:
+    """Write one output: history, footprints, fields; return the row of history."""
+    state, scene = model.state, model.scene
+    history = {"t": state.t, **columns(energy, error)}
+    u, v = state.u.x.array, state.v.x.array + model.dt / 2 * state.a.array
+    footprints, motions = {}, {}
+    for name, pair in model.pairs.items():
+        footprint = pair.footprint(stick_tolerance=scene.contacts[name].stick_tolerance)
+        footprints[name] = footprint
+        motions[name] = creepages(pair, u, v, footprint, scene)
+        history |= {
+            f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
+        }
+    results.append(history, footprints, motions)
+    results.append_samples(model.sampling)
+    results.append_fields(state.t, u, v)
+    return history
+
+
+def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
+    """Return the history columns of a contact pair."""
+    x, y, z = pair.tangential_force
+    return {
+        "normal_force": pair.normal_force,
+        "tangential_x_force": x,
+        "tangential_y_force": y,
+        "tangential_z_force": z,
+        "max_penetration": pair.max_penetration,
+        "normal_energy": pair.normal_energy,
+        "tangential_energy": pair.tangential_energy,
+        "friction_dissipation": pair.friction_dissipation,
+        "area": float(np.sum(footprint.area)),
+        "patches": float(len(footprint.patches)),
+    }
+
+
+def summarise(
+    model: Model, energy: Energy | None, error: float, status: str, clock: Clock, wall: float
+) -> dict[str, Any]:
+    """Return the contents of ``summary.json``."""
+    mesh = model.domain.source
+    contacts = {}
+    for name, pair in model.pairs.items():
+        footprint = pair.footprint()
+        contacts[name] = {
+            "max_penetration": pair.max_penetration,
+            "normal_force": pair.normal_force,
+            "tangential_force": list(map(float, pair.tangential_force)),
+            "patches": len(footprint.patches),
+            "area": float(np.sum(footprint.area)),
+            "contact_angles": [patch.contact_angle for patch in footprint.patches],
+        }
+    stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
+    return {
+        "scene": model.scene.name,
+        "version": version("squealx"),
+        "status": status,
+        "own_laws": model.own_laws,
+        "cells": len(mesh.cells),
+        "nodes": len(mesh.points),
+        "dofs": 3 * len(mesh.points),
+        "ranks": model.domain.msh.comm.size,
+        "steps": model.state.step,
+        "time": model.state.t,
+        "dt": model.dt,
+        "dt_bound": model.dt_bound,
+        "wall_seconds": wall,
+        "processor_seconds": clock.processor,
+        "seconds_per_phase": clock.seconds,
+        "element_updates_per_second": len(mesh.cells) * model.state.step / max(stepping, 1e-9),
+        "energy": columns(energy, error) if energy is not None else None,
+        "contacts": contacts,
+    }

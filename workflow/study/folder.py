@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The folder of a study: its scenes, its Snakefile, the result folder of each run, and its lock."""
+
+import contextlib
+import fcntl
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, TextIO
+
+import tomli_w
+
+from workflow.results.writer import check_free
+from workflow.scene.scene import Scene, SceneError
+from workflow.study.study import Run, Study
+
+
+def write(study: Study, runs: Sequence[Run], folder: Path) -> None:
+    """Write what Snakemake needs; files that are as they should be stay untouched.
+
+    Raises:
+        SceneError: if a run in the folder was made with another scene, before anything is written.
+    """
+    check(runs, folder)
+    _put(folder / "Snakefile", (resources.files("workflow.study") / "Snakefile").read_text())
+    for run in runs:
+        _put(folder / "scenes" / f"{run.name}.toml", tomli_w.dumps(run.scene.tables()))
+    (folder / "logs").mkdir(exist_ok=True)
+    about = {
+        "name": study.name,
+        "title": study.title,
+        "compare": study.compare,
+        "figures": study.figures,
+        "runs": {
+            run.name: {
+                "group": run.group,
+                "label": run.label,
+                "ranks": run.ranks,
+                "scene": run.scene.name,
+                "changes": run.changes,
+            }
+            for run in runs
+        },
+    }
+    _put(folder / "study.json", json.dumps(about, indent=2) + "\n")
+
+
+def check(runs: Sequence[Run], folder: Path) -> None:
+    """Refuse a folder that cannot be written or whose runs are of other scenes than these."""
+    check_free(folder)
+    for run in runs:
+        made = folder / "runs" / run.name / "scene.toml"
+        if made.is_file() and (key := _different(tomllib.loads(made.read_text("utf-8")), run)):
+            raise SceneError(
+                f"out = {str(folder)!r}: run {run.name} was made with another {key}; expected a "
+                f"new folder, or {made.parent} removed"
+            )
+
+
+def _different(made: Mapping[str, Any], run: Run) -> str | None:
+    """Return the first key in which a scene that was run differs."""
+    with contextlib.suppress(SceneError):
+        made = Scene.check(made).tables()  # with the defaults of today
+    ways = dict(_leaves(made)), dict(_leaves(run.scene.tables()))
+    keys = [*ways[0], *(key for key in ways[1] if key not in ways[0])]
+    return next((key for key in keys if ways[0].get(key) != ways[1].get(key)), None)
+
+
+def _leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", value
+
+
+def _put(path: Path, text: str) -> None:
+    """Write a file unless it holds this already: a newer file would make Snakemake run again."""
+    if not path.is_file() or path.read_text("utf-8") != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[TextIO]:
+    """Hold the folder, also against a Snakemake that outlived its study; yield the open lock.
+
+    The lock of the system ends with the processes that hold it, unlike Snakemake's own.
+
+    Raises:
+        SceneError: if another study is at work here.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SceneError(
+                f"out = {str(folder)!r}: another squealx study is at work here; expected to be "
+                "started when it has ended"
+            ) from None
+        yield file
+
+
+def done(folder: Path, name: str) -> bool:
+    """Tell whether a run of the study is complete."""
+    return (folder / "runs" / name / "done").is_file()
+
+
+def summary(folder: Path, name: str) -> dict[str, Any]:
+    """Return the ``summary.json`` of a run, empty if it has none."""
+    try:
+        text = (folder / "runs" / name / "summary.json").read_text("utf-8")
+        return dict(json.loads(text))
+    except (OSError, ValueError):
+        return {}
+
+
+def state(folder: Path, name: str) -> str:
+    """Return how far a run is: done, what stopped it, begun, or to do."""
+    if done(folder, name):
+        return "done"
+    status = str(summary(folder, name).get("status", ""))
+    if status and status != "done":
+        return status
+    return "begun" if (folder / "runs" / name / "scene.toml").is_file() else "to do"
+
+
+def share(folder: Path, name: str) -> float:
+    """Return which share of its steps a run has made, from the last line of its log."""
+    if done(folder, name):
+        return 1.0
+    with contextlib.suppress(OSError):
+        text = (folder / "runs" / name / "run.log").read_text("utf-8", errors="replace")
+        if found := re.findall(r"step (\d+) of (\d+)", text[-2000:]):
+            return min(int(found[-1][0]) / max(int(found[-1][1]), 1), 0.99)
+    return 0.0
+
+
+def reason(folder: Path, name: str) -> str:
+    """Return why a run did not finish, in one line."""
+    status = state(folder, name)
+    if status not in ("to do", "begun"):
+        return status
+    for log in (f"{name}.log", f"{name}-figures.log"):
+        with contextlib.suppress(OSError):
+            lines = (folder / "logs" / log).read_text("utf-8", errors="replace").splitlines()
+            told = [line for line in lines if line.startswith("squealx: ")] or lines
+            if told:
+                return told[-1].removeprefix("squealx: ")
+    return status
