@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a contact pair has to tell: energies and resultants over its nodes, and its footprint."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,6 +25,23 @@ class Totals:
     area: Array
     dt: float
     active: int
+    add: Any
+
+    phase = "contact"
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the terms of the ledger [J]."""
+        return {
+            "contact": self.stored_energy,
+            "contact_normal": self.normal_energy,
+            "contact_tangential": self.tangential_energy,
+            "friction_dissipation": self.friction_dissipation,
+            "damping": self.damping_dissipation,
+        }
+
+    def rest(self, state: Any, force: Any) -> None:
+        """Add the forces in statics."""
+        self.add(state, force, friction=False)
 
     @property
     def friction_dissipation(self) -> float:

@@ -64,6 +64,22 @@ class TwoPass:
         )  # fmt: skip
         self.contactor, self.target, self.dt, self.last = contactor, target, dt, False
 
+    phase = "contact"
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the terms of the ledger [J]."""
+        return {
+            "contact": self.stored_energy,
+            "contact_normal": self.normal_energy,
+            "contact_tangential": self.tangential_energy,
+            "friction_dissipation": self.friction_dissipation,
+            "damping": self.damping_dissipation,
+        }
+
+    def rest(self, state: Any, force: Any) -> None:
+        """Add the forces in statics."""
+        self.add(state, force, friction=False)
+
     def reset(self) -> None:
         """Forget all contact."""
         for side in self.passes:

@@ -23,9 +23,8 @@ from tests.beams import beam_section, foundation_deflection
 from workflow.model.model import Model, build
 from workflow.model.track import follow, sleeper_bodies
 from workflow.scene.scene import Scene, SceneError
-from workflow.simulation.equilibrium import equilibrium
-from workflow.simulation.initial import start
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.initial import rest, start
+from workflow.simulation.stepping import steps
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 CONCRETE = {"youngs_modulus": 38.4e9, "poisson_ratio": 0.2, "density": 2520.0}
@@ -118,7 +117,7 @@ def test_the_track_carries_its_weight(tmp_path, solid):
     model = build(
         scene(tmp_path, solid=solid, gravity=[0.0, 0.0, -9.81], equilibrium={}), MPI.COMM_SELF
     )
-    equilibrium(model, model.scene.equilibrium, np.zeros(0), lambda line: None)
+    rest(model)
     u, m = model.state.u.x.array, model.mass.array[::3]
     weight = 9.81 * m[model.body_dofs("rail")].sum()
     sleeper = 9.81 * (m[model.body_dofs("sleepers")].sum() if solid else 3 * 219.0)
@@ -164,7 +163,7 @@ def test_row_20_deflection_on_pads_and_sleepers(tmp_path):
         load = {"surface": surface, "traction": [0.0, 0.0, -1e5 / area.sum()]}
         entry = scene(tmp_path, length=8.0, inclination=0.0, loads=[load], **rigid)
         model = build(entry, MPI.COMM_SELF)
-        equilibrium(model, model.scene.equilibrium, np.zeros(0), lambda line: None)
+        rest(model)
         X = model.domain.V.tabulate_dof_coordinates()
         web = (np.abs(X[:, 0] - x) < 0.02) & (np.abs(X[:, 2] - section.centroid[1]) < 0.02)
         found.append(-model.state.u.x.array[2::3][web].mean())
@@ -251,11 +250,7 @@ def test_vehicle_is_preloaded_and_starts_without_a_jump():
     (pair,) = model.pairs.values()
     assert pair.normal_resultant[2] == pytest.approx(9.81 * (50 + block), rel=1e-6)
     assert not model.state.v.x.array.any() and not connections.masses.v.any()
-    loop = central_difference(
-        model.state, model.mass.petsc_vec, model.loads, model.supports, model.dt,
-        500 * model.dt, connections.masses, model.dead.nodal,
-    )  # fmt: skip
-    fastest = max(np.abs(s.v.x.array).max() for s in loop)
+    fastest = max(np.abs(s.v.x.array).max() for s in steps(model, 500 * model.dt))
     assert model.state.step == 500
     assert fastest < 1e-6 * 9.81 * 50 / block * 500 * model.dt
     assert np.abs(connections.masses.v).max() < 1e-6 * 9.81 * 500 * model.dt

@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -16,7 +17,7 @@ from contact.theory.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
 from workflow.model.model import Model, build
 from workflow.simulation.initial import start
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.stepping import steps
 
 E, NU, RHO = 210e9, 0.3, 7800.0
 C = np.sqrt(E / RHO)  # of a bar
@@ -302,17 +303,9 @@ def pulled(share: float, ramp: float = 60e-6, end: float = 160e-6) -> dict:
         grown = 0.5 * (1 - np.cos(np.pi * min(state.t / ramp, 1)))
         force.array.reshape(-1, 3)[dofs, 0] += grown * most
 
-    loop = central_difference(
-        model.state,
-        model.mass.petsc_vec,
-        [*model.loads, pull],
-        model.supports,
-        model.dt,
-        round(end / model.dt) * model.dt,
-        dead=model.dead.nodal,
-    )
+    model.items.append(SimpleNamespace(add=pull))
     rows = []
-    for state in loop:
+    for state in steps(model, round(end / model.dt) * model.dt):
         x, p = motion(model, "block", 0)
         rows.append((state.t, x, p / BLOCK, pair.normal_force, pair.tangential_force[0]))
     return dict(zip(("t", "x", "v", "N", "T"), np.array(rows).T, strict=True))

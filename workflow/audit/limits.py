@@ -24,9 +24,10 @@ from contact.springs import Springs, springs
 from forms.kernel import CellKernel
 from forms.springs.step_bound import NONE, as_springs, attached, joined
 from forms.time_step import largest_eigenvalue
-from workflow.model.bodies import Bodies, step_bound
+from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.model import Model
+from workflow.model.step import step_bound
 from workflow.scene.settings import Contact
 from workflow.simulation.guards import sides
 
@@ -117,9 +118,7 @@ class Limits:
         springs, dampers = self._attached
         lagged = as_springs(springs, dampers, dt)
         matrix = self._contact(dt, penalty, damping) if contact else None
-        mass_damping = 0.0
-        if self.model.damping is not None:
-            mass_damping = max(b.mass_damping for b in self.model.scene.bodies.values())
+        mass_damping = max(b.mass_damping for b in self.model.scene.bodies.values())
 
         def apply(q: Array) -> Array:
             return self._apply(q, dt, lagged.nodal, matrix) + 2 / dt * mass_damping * q

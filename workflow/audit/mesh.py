@@ -18,8 +18,9 @@ from forms.time_step import cell_frequencies
 from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh
 from meshes.quality import enclosed_volume, scaled_jacobians, volumes
-from workflow.model.bodies import Bodies, step_bound
+from workflow.model.bodies import Bodies
 from workflow.model.geometry import domain_of
+from workflow.model.step import step_bound
 from workflow.model.track import connections
 from workflow.scene.scene import Scene, SceneError
 

@@ -65,7 +65,7 @@ def bench(
     from rich.console import Console
 
     from workflow.bench.speed import measure, show
-    from workflow.results.writer import check_free
+    from workflow.results.folder import check_free
 
     check_free(out)
     progress = Console(stderr=True)
@@ -89,7 +89,7 @@ def stability(
         raise SceneError("stability: expected to be started without mpiexec; its cells are serial")
     from rich.console import Console
 
-    from workflow.results.writer import check_free
+    from workflow.results.folder import check_free
     from workflow.stability.figure import draw
     from workflow.stability.limits import limits
     from workflow.stability.run import counts, matrix

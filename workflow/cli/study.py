@@ -107,7 +107,7 @@ def _compare(title: str, folder: Path, as_json: bool) -> None:
     """Write table.csv and the figures of a study; print what they say."""
     from rich.console import Console
 
-    from workflow.results.writer import strict
+    from workflow.results.folder import strict
     from workflow.study import table
     from workflow.study.figures import draw
 

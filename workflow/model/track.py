@@ -3,8 +3,6 @@
 
 from typing import TYPE_CHECKING
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -20,7 +18,7 @@ from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
 
 if TYPE_CHECKING:
-    from workflow.model.model import Model
+    pass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -208,39 +206,3 @@ def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
     on[surface_nodes(domain, scene.track.sleeper_top)] = True
     regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
     return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
-
-
-def follow(model: "Model") -> None:
-    """Give each sleeper the mean vertical velocity of the rail over its seat, in place.
-
-    Under a travelling load the rail sinks ahead of it and rises behind; sleepers at rest would be
-    struck through the stiff pads.
-    """
-    track, domain, scene = model.scene.track, model.domain, model.scene
-    if track is None:
-        return
-    v, mesh = model.state.v.x.array.reshape(-1, 3), domain.source
-    if track.sleeper_top is None:
-        assert model.connections is not None
-        speeds = sinking(domain, seats_of_points(track, domain), v)
-        model.connections.masses.v[: len(speeds), 2] = speeds
-        return
-    tops = seats.parts(facets(domain, track.sleeper_top))
-    under = [seat(track, domain, middle(mesh.points[top])) for top in tops]
-    tags = [tag for body in sleeper_bodies(scene, domain) for tag in scene.bodies[body].regions]
-    number = np.full(len(mesh.points), -1)
-    for k, part in enumerate(seats.parts(mesh.cells[np.isin(mesh.regions, mesh.tags(tags))])):
-        number[part] = k
-    for top, speed in zip(tops, sinking(domain, under, v), strict=True):
-        dofs = domain.local_dofs(np.flatnonzero(number == number[top[0, 0]]))
-        v[dofs[dofs >= 0], 2] = speed
-
-
-def sinking(domain: Domain, under: list[Seat], v: Array) -> Array:
-    """Return the mean vertical velocity of the rail on each seat, shape ``(s,)`` [m/s]."""
-    speeds = np.zeros(len(under))
-    for i, (nodes, share) in enumerate(under):
-        dofs = domain.local_dofs(nodes)
-        speeds[i] = share[dofs >= 0] @ v[dofs[dofs >= 0], 2]
-    domain.msh.comm.Allreduce(MPI.IN_PLACE, speeds)
-    return speeds
