@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.test_checkpoint import BAR, assert_same, copied
+from tests.folders import BAR, assert_same, copied
 from workflow import Scene, run
 from workflow.results import samples
 from workflow.scene.scene import SceneError
