@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.test_checkpoint import BAR, assert_same, copied
+from tests.folders import BAR, assert_same, copied
 from workflow import Scene, run
 from workflow.results import samples
 from workflow.scene.scene import SceneError
@@ -131,7 +131,7 @@ def test_nothing_is_sampled_by_default(tmp_path):
         f"scene = Scene.load('bar-impact', **{BAR})\n"
         f"run(scene, {str(tmp_path / 'run')!r}, quiet=True)\n"
         "assert 'workflow.simulation.sampling' not in sys.modules\n"
-        "assert 'workflow.results.writer.samples' not in sys.modules\n"
+        "assert 'workflow.results.samples' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
     assert samples.read(tmp_path / "run") is None

@@ -287,8 +287,8 @@ def test_an_array_that_does_not_fit_is_refused(out):
 
 GUARDED = """
 import ctypes, mmap, sys
-sys.path.insert(0, {tests!r})
-from test_native import *
+sys.path.insert(0, {root!r})
+from tests.forms.test_native import *
 domain, _ = box((3, 3, 3))
 u, w = field(domain, VECTOR, 1), TestFunction(domain.V)
 form = st_venant_kirchhoff(u, w, STEEL) * full(domain.msh)
@@ -317,7 +317,7 @@ print("read what is there", flush=True)
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_nothing_behind_an_array_is_read(dtype):
     """Coordinates and displacement end where a forbidden page begins: no fault."""
-    code = GUARDED.format(tests=str(Path(__file__).parent), dtype=dtype)
+    code = GUARDED.format(root=str(Path(__file__).parents[2]), dtype=dtype)
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert "read what is there" in done.stdout, done.stderr

@@ -17,7 +17,7 @@ import pytest
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from workflow import Scene, run
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 CASE, RADIUS, CROWN, SPEED = 2, 0.46, 0.3, 40.0
 TABLE, LINE = (
     np.genfromtxt(

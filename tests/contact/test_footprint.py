@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
-from test_contact_pair import evaluate, skin, state_of
 
 from contact import ContactPair, rigid_plane
 from contact.footprint import stick_zone
+from tests.skins import evaluate, skin, state_of
 
 
 def two_bumps(friction=0.3):

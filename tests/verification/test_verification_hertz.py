@@ -199,7 +199,7 @@ def test_row_13_cylinder_on_other_cells():
 
 def table(load: float, crown: float) -> Hertz:
     """Hertz's ellipse of a wheel of 0.46 m on a rail crown, from an independent calculation."""
-    path = Path(__file__).parent / "data" / "hertz_reference.csv"
+    path = Path(__file__).parents[1] / "data" / "hertz_reference.csv"
     rows = csv.DictReader(path.read_text().splitlines())
     row = next(r for r in rows if (float(r["F_N"]), float(r["R_rail_mm"])) == (load, 1e3 * crown))
     mm = ("a_rolling_mm", "b_lateral_mm", "approach_mm")

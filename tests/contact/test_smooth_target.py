@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from test_search import found, mesh_of, probes, root, sheet
 
 from contact import ContactPair, Surface
 from contact.arrays import view
 from contact.smooth import Smooth, corner_normals, mirrored, smooth_neighbours
+from tests.sheets import found, mesh_of, probes, root, sheet
 
 R = 13e-3  # gauge corner of the rail [m]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The FFCx backend: its C text, and the factors of its tables. tests/test_native.py runs it."""
+"""The FFCx backend: its C text, and the factors of its tables. test_native.py runs it."""
 
 from mpi4py import MPI
 

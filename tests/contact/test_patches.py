@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from test_contact_pair import skin
 
 from contact.creepage import creepage_of, rigid_motion
 from contact.footprint import footprint_of, frame_of
 from contact.patches import Tracker, beside, parted
+from tests.skins import skin
 from workflow import Scene, run
 from workflow.results.patches import COLUMNS, travel
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tests.test_checkpoint import assert_same, copied
+from tests.folders import assert_same, copied
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
 

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_contact_pair import RHO_H, evaluate, plate_on_plane, skin, stacked, two_skins
 
 from contact import ContactPair, rigid_plane
 from contact.normal_law import largest_rates, node_foundation
 from contact.surface import tributary_area
 from contact.two_pass import TwoPass
+from tests.skins import RHO_H, evaluate, plate_on_plane, skin, stacked, two_skins
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
 from workflow.simulation.guards import GuardError

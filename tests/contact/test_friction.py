@@ -4,11 +4,11 @@
 import h5py
 import numpy as np
 import pytest
-from test_contact_pair import evaluate, plate_on_plane
 
 from contact import LawState, coulomb, exponential, with_memory
 from contact.expression import expression
 from contact.friction import as_law, coefficients, rational, tabulated, tried
+from tests.skins import evaluate, plate_on_plane
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
 from workflow.simulation.guards import GuardError
