@@ -139,15 +139,13 @@ def pair(model: "Model", key: str, contact: Contact, friction: Any) -> Any:
         SceneError: if ``friction``, a coefficient, table or law, cannot be used.
     """
     from contact.pair import ContactPair
-    from contact.two_pass import TwoPass
 
     try:
         law = law_of(friction)
     except ValueError as error:
         raise SceneError(f"contacts.{key}.friction: {error}") from error
     contactor, target = contact_surfaces(model.bodies, contact, model.mass.array[::3])
-    kind = TwoPass if contact.two_pass else ContactPair
-    return kind(
+    return ContactPair(
         contactor,
         target,
         comm=model.domain.msh.comm,
@@ -160,6 +158,7 @@ def pair(model: "Model", key: str, contact: Contact, friction: Any) -> Any:
         sharp_angle=contact.sharp_angle,
         initial_overlap=contact.initial_overlap,
         offset_time=contact.offset_time,
+        two_pass=contact.two_pass,
         name=key,
     )
 

@@ -23,6 +23,7 @@ from workflow.scene.scene import SceneError
 from workflow.scene.settings import Probe
 
 if TYPE_CHECKING:
+    from contact import ContactPair
     from meshes.domain import Domain
     from workflow.model.model import Model
 
@@ -107,8 +108,8 @@ class Touch:
         nodal: The same of every contactor node, shape ``(nc, 6)`` [N].
     """
 
-    def __init__(self, pair: Any) -> None:
-        self.pair, self.side = pair, getattr(pair, "passes", (pair,))[0]
+    def __init__(self, pair: "ContactPair") -> None:
+        self.pair, self.side = pair, pair.passes[0]
         self.total = np.zeros((2, 3))
         self.nodal = np.zeros((len(self.side.contactor.nodes), 6))
 
