@@ -19,36 +19,6 @@ from contact.surface import Surface, corner_areas, tributary_area
 
 Array = npt.NDArray[np.float64]
 
-METHODS = ("penalty", "modulus-penalty", "lagrange")
-
-
-def checked(
-    method: str,
-    *,
-    damping: float,
-    offset_time: float,
-    sharp_angle: float,
-    initial_overlap: str,
-    **positive: float,
-) -> None:
-    """Raise ValueError naming an option of a contact pair that does not fit."""
-    for key, value in positive.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{key}: expected a finite value > 0, got {value}")
-    for key, value in (("damping", damping), ("offset_time", offset_time)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{key}: expected a finite value >= 0, got {value}")
-    if not 0.0 < sharp_angle < np.pi:
-        raise ValueError(f"sharp_angle: expected an angle in (0, pi) rad, got {sharp_angle}")
-    for key, word, known in (
-        ("method", method, METHODS),
-        ("initial_overlap", initial_overlap, ("offset", "push")),
-    ):
-        if word not in known:
-            raise ValueError(f"{key}: expected one of {', '.join(known)}, got {word!r}")
-    if method == "lagrange" and damping > 0.0:
-        raise ValueError(f"damping: expected 0 with method = 'lagrange', got {damping}")
-
 
 def node_foundation(surface: Surface) -> Array:
     """Return the foundation modulus of each node, the mean of its facets, ``(n,)`` [Pa/m].

@@ -245,7 +245,7 @@ def sliding(folder, **changes) -> tuple[dict, dict]:
 
     def probe(m):
         pair = m.pairs["face"]
-        h = pair.history
+        h = pair.passes[0].history
         over = np.linalg.norm(h.traction, axis=1) - FRICTION * h.pressing * (1 + 1e-12)
         lost = pair.friction_dissipation
         return m.state.t, *motion(m, "block", 0), pair.normal_force, over.max(), lost

@@ -66,13 +66,13 @@ def test_springs_are_those_of_the_kernel():
     """Every touching node has the stiffness that the pair gave it when it touched, before the
     bodies had come to rest and moved by 1e-5 of a facet."""
     model = at_rest()
-    pair = model.pairs["face"]
-    found = springs(pair, model.state)
-    c = pair.history.touching[: pair.active]
+    side = model.pairs["face"].passes[0]
+    found = springs(side, model.state)
+    c = side.history.touching[: side.active]
     nodes = list(found.nodes[:, 0])
-    mine = found.mass[[nodes.index(pair.contactor.nodes[i]) for i in c]]
+    mine = found.mass[[nodes.index(side.contactor.nodes[i]) for i in c]]
     np.testing.assert_allclose(
-        pair.penalty * mine / model.dt**2, pair.history.stiffness[c], rtol=1e-4
+        side.options.penalty * mine / model.dt**2, side.history.stiffness[c], rtol=1e-4
     )
 
 

@@ -92,7 +92,7 @@ def asked(model: Model, limits: "Limits") -> dict[str, Any]:
 def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
     """Return stiffness and expected penetration of one contact."""
     from workflow.audit.advice import impact_depth
-    from workflow.simulation.guards import node_sizes, sides
+    from workflow.simulation.guards import node_sizes
 
     contact, pair = model.scene.contacts[name], model.pairs[name]
     told: dict[str, Any] = {"method": contact.method, "penalty": contact.penalty}
@@ -105,7 +105,7 @@ def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
         other = "equivalent_penalty" if t.fixed else "equivalent_modulus_penalty"
         told[other] = contact.penalty / ratio if t.fixed else contact.penalty * ratio
         told["stiffness"] = float(np.median(t.penalty * (fixed if t.fixed else follows)))
-    size = min(float(np.median(node_sizes(side))) for side in sides(pair))
+    size = min(float(np.median(node_sizes(side))) for side in pair.passes)
     depth = pair.max_penetration if model.scene.equilibrium else impact_depth(model, touches)
     share = None if depth is None else depth / size
     return told | {"cell": size, "penetration": depth, "penetration_over_cell": share}

@@ -29,7 +29,6 @@ from workflow.model.contacts import contact_surfaces
 from workflow.model.model import Model
 from workflow.model.step import step_bound
 from workflow.scene.settings import Contact
-from workflow.simulation.guards import sides
 
 Array = npt.NDArray[np.float64]
 
@@ -214,10 +213,12 @@ def _touches(model: Model, name: str) -> list[Touch]:
     rough, fixed = contact.friction != 0.0, contact.method == "modulus-penalty"
     ends = contact_surfaces(model.bodies, as_modulus(contact), model.mass.array[::3])
     touches = []
-    for side, beds in zip(sides(model.pairs[name]), (ends, ends[::-1]), strict=False):
+    for side, beds in zip(model.pairs[name].passes, (ends, ends[::-1]), strict=False):
         found = springs(side, model.state, beds)
-        tangential = side.tangential * rough
-        touches.append(Touch(name, found, side.penalty, side.damping, tangential, fixed))
+        tangential = side.options.tangential * rough
+        touches.append(
+            Touch(name, found, side.options.penalty, side.options.damping, tangential, fixed)
+        )
     return touches
 
 

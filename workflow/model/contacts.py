@@ -62,7 +62,6 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
         SceneError: if ``friction``, a coefficient, table or law, cannot be used.
     """
     from contact.pair import ContactPair
-    from contact.two_pass import TwoPass
 
     contact = bodies.scene.contacts[key]
     try:
@@ -70,8 +69,7 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
     except ValueError as error:
         raise SceneError(f"contacts.{key}.friction: {error}") from error
     contactor, target = contact_surfaces(bodies, contact, mass[::3])
-    kind = TwoPass if contact.two_pass else ContactPair
-    return kind(
+    return ContactPair(
         contactor,
         target,
         comm=bodies.domain.msh.comm,
@@ -84,5 +82,6 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
         sharp_angle=contact.sharp_angle,
         initial_overlap=contact.initial_overlap,
         offset_time=contact.offset_time,
+        two_pass=contact.two_pass,
         name=key,
     )

@@ -157,7 +157,8 @@ def masses(model: Model, settings: Relaxation) -> Array:
 
 def searches(model: Model) -> list[int]:
     """Return what changes whenever the candidates of a contact do, alike on all ranks."""
-    return [hash(pair.near.item.tobytes()) for pair in model.pairs.values()]
+    sides = (side for pair in model.pairs.values() for side in pair.passes)
+    return [hash(side.near.item.tobytes()) for side in sides]
 
 
 def contact_mass(model: Model) -> Array:
@@ -167,12 +168,12 @@ def contact_mass(model: Model) -> Array:
     """
     real = model.mass.array[: 3 * model.domain.owned]
     mass = np.zeros_like(real)
-    for name, pair in model.pairs.items():
-        near = pair.near
-        stacked = np.concatenate([pair.contactor.dofs, pair.target.dofs])
+    for side in (side for pair in model.pairs.values() for side in pair.passes):
+        near = side.near
+        stacked = np.concatenate([side.contactor.dofs, side.target.dofs])
         facets = near.search.quad[near.search.live.astype(bool)]
         dofs = stacked[np.unique(np.concatenate([near.item, facets.ravel()]))]
         dofs = dofs[dofs >= 0]
-        share = HEAVIER * model.scene.contacts[name].penalty / (4 * SAFETY**2)
+        share = HEAVIER * side.options.penalty / (4 * SAFETY**2)
         mass.reshape(-1, 3)[dofs] += share * real.reshape(-1, 3)[dofs]
     return mass

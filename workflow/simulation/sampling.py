@@ -13,7 +13,7 @@ at ``1/T - f`` then shows up at f with ``f T / (1 - f T)`` of its size: 11 % at 
 ``T`` = 10 µs, less below. Steps are 1/50 of a window and less; they are filtered by no more.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ from workflow.results.writer import Results
 from workflow.scene import SceneError
 from workflow.scene.settings import Probe
 from workflow.simulation.rolling import spin
+
+if TYPE_CHECKING:
+    from contact import ContactPair
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -108,8 +111,8 @@ class Touch:
         nodal: The same of every contactor node, shape ``(nc, 6)`` [N].
     """
 
-    def __init__(self, pair: Any) -> None:
-        self.pair, self.side = pair, getattr(pair, "passes", (pair,))[0]
+    def __init__(self, pair: "ContactPair") -> None:
+        self.pair, self.side = pair, pair.passes[0]
         self.total = np.zeros((2, 3))
         self.nodal = np.zeros((len(self.side.contactor.nodes), 6))
 
