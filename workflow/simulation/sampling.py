@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from workflow.model.regions import area_shares, facets, surface_nodes
+from meshes.quads import area_shares
+from workflow.model.regions import facets, surface_nodes
 from workflow.scene.scene import SceneError
 from workflow.scene.settings import Probe
 
@@ -49,7 +50,7 @@ def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
         away = np.linalg.norm(source.points[nodes] - probe.point, axis=1)
         return nodes[[int(np.argmin(away))]], np.ones(1)
     if probe.surface is not None:
-        return area_shares(domain, facets(domain, probe.surface))
+        return area_shares(domain.source.points, facets(domain, probe.surface))
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
