@@ -15,7 +15,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from contact.surface import Surface, corner_areas, tributary_area
+from contact.surface import Surface, tributary_area
+from meshes.quads import nodal_areas
 
 Array = npt.NDArray[np.float64]
 
@@ -29,10 +30,7 @@ def node_foundation(surface: Surface) -> Array:
     facet = surface.foundation
     if facet is None:
         raise ValueError(f"surface {surface.name}: expected bulk moduli for modulus-penalty")
-    share = corner_areas(surface.reference, surface.facets)
-    total = np.bincount(
-        surface.facets.ravel(), (share * facet[:, None]).ravel(), minlength=len(surface.nodes)
-    )
+    total = nodal_areas(surface.reference, surface.facets, facet)
     return np.asarray(total / tributary_area(surface))
 
 

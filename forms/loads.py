@@ -12,6 +12,7 @@ import numpy.typing as npt
 import ufl
 
 from forms.rank_sums import gathered, own_part
+from meshes.quads import nodal_areas
 
 Array = npt.NDArray[np.float64]
 Dofs = npt.NDArray[np.int32]
@@ -30,20 +31,7 @@ def nodal_traction(points: Array, quads: npt.NDArray[np.int64], traction: Array)
         quads: Nodes of each quad, shape ``(q, 4)``.
         traction: Force per reference area, shape ``(3,)`` [Pa].
     """
-    share = np.zeros(len(points))
-    x = points[quads]
-    for a, b in np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / np.sqrt(3):
-        N = (
-            np.array([(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b), (1 - a) * (1 + b)])
-            / 4
-        )
-        da = np.array([b - 1, 1 - b, 1 + b, -1 - b]) / 4
-        db = np.array([a - 1, -1 - a, 1 + a, 1 - a]) / 4
-        area = np.linalg.norm(
-            np.cross(np.einsum("i,qid->qd", da, x), np.einsum("i,qid->qd", db, x)), axis=1
-        )
-        np.add.at(share, quads, area[:, None] * N)
-    return share[:, None] * np.asarray(traction)
+    return nodal_areas(points, quads)[:, None] * np.asarray(traction)
 
 
 @dataclass

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from contact import ContactPair, Surface
 from contact.search import SHARP, Search, facet_kinds, node_facets
-from contact.surface import facet_areas, rigid_plane
+from contact.surface import rigid_plane
+from meshes.quads import area_vectors
 from tests.sheets import found, probes, root, sheet
 
 
@@ -57,7 +58,7 @@ def test_closest_point_equals_brute_force(seed, bump):
 def test_edges_vertices_and_concave_root():
     """A 90 degree root: floor z = 0 for x < 0, wall x = 0 for z > 0; exact gaps and normals."""
     target = root()
-    area = facet_areas(target.reference, target.facets)
+    area = area_vectors(target.reference, target.facets)
     assert (area[:9, 2] > 0).all() and (area[9:, 0] < 0).all()
     s = Search(target, target)
     assert (s.kind & SHARP > 0).sum() == 6  # the rows that meet in the root

@@ -4,11 +4,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from forms.loads import nodal_traction
 from meshes.domain import Domain
 from workflow.scene import Scene
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Dofs = npt.NDArray[np.int32]
 
@@ -21,13 +19,6 @@ def facets(domain: Domain, surface: str) -> Index:
 def surface_nodes(domain: Domain, surface: str) -> Index:
     """Return the mesh nodes of a surface, ascending."""
     return np.unique(facets(domain, surface))
-
-
-def area_shares(domain: Domain, quads: Index) -> tuple[Index, Array]:
-    """Return the nodes of facets and their shares of the area, which sum to 1, shape ``(k,)``."""
-    area = nodal_traction(domain.source.points, quads, np.array([1.0, 0.0, 0.0]))[:, 0]
-    nodes = np.unique(quads)
-    return nodes, np.asarray(area[nodes] / area.sum())
 
 
 def nodes_of(domain: Domain, names: list[str]) -> Dofs:

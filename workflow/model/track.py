@@ -11,8 +11,9 @@ from forms.springs.dashpots import Dashpots, absorbing
 from forms.springs.node_to_facet import Between
 from meshes.domain import Domain
 from meshes.formats.conform import faces_on
+from meshes.quads import area_shares
 from meshes.wheel_rail import seats, sleepers
-from workflow.model.regions import area_shares, facets, surface_nodes
+from workflow.model.regions import facets, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
@@ -91,7 +92,7 @@ def mean(
     domain: Domain, surface: str, point: int, stiffness: Array, damping: Array, masses: PointMasses
 ) -> Mean:
     """Return a spring and damper between the mean motion of a surface and a point mass."""
-    nodes, share = area_shares(domain, facets(domain, surface))
+    nodes, share = area_shares(domain.source.points, facets(domain, surface))
     dofs = domain.local_dofs(nodes)
     here = dofs >= 0
     return Mean(domain.msh.comm, dofs[here], share[here], point, stiffness, damping, masses)
@@ -166,7 +167,8 @@ def ballast(track: Track, domain: Domain, masses: PointMasses) -> Spread:
     """Return the ballast as vertical springs and dampers over the underside of each sleeper."""
     assert track.sleeper_bottom is not None
     below = [
-        area_shares(domain, part) for part in seats.parts(facets(domain, track.sleeper_bottom))
+        area_shares(domain.source.points, part)
+        for part in seats.parts(facets(domain, track.sleeper_bottom))
     ]
     nodes, share = (np.concatenate(x) for x in zip(*below, strict=True))
     dofs = domain.local_dofs(nodes)

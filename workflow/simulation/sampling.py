@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.domain import Domain
+from meshes.quads import area_shares
 from workflow.model import Model
-from workflow.model.regions import area_shares, facets, surface_nodes
+from workflow.model.regions import facets, surface_nodes
 from workflow.results.samples import UNITS, extend
 from workflow.results.writer import Results
 from workflow.scene import SceneError
@@ -53,7 +54,7 @@ def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
         away = np.linalg.norm(source.points[nodes] - probe.point, axis=1)
         return nodes[[int(np.argmin(away))]], np.ones(1)
     if probe.surface is not None:
-        return area_shares(domain, facets(domain, probe.surface))
+        return area_shares(domain.source.points, facets(domain, probe.surface))
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
