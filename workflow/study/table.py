@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workflow.results.record import Record
+from workflow.study import folder as study_folder
+from workflow.theory.errors import closed_form_error
+
 if TYPE_CHECKING:
     from rich.console import Console
-
-    from workflow.study import folder as study_folder
-from workflow.results.record import Record
 
 Row = dict[str, Any]
 
@@ -54,9 +55,6 @@ def _row(folder: Path, name: str, about: Mapping[str, Any]) -> Row:
     row["status"] = study_folder.reason(folder, name)
     if row["status"] != "done":
         return row
-    from workflow.results.record import Record
-    from workflow.theory.errors import closed_form_error
-
     summary, record = study_folder.summary(folder, name), Record(folder / "runs" / name)
     row |= dict(_numbers(summary)) | dict(_patches(record))
     if found := closed_form_error(record):
@@ -80,7 +78,7 @@ def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{before}tangential_{axis}_force", value
 
 
-def _patches(record: "Record") -> Iterator[tuple[str, float]]:
+def _patches(record: Record) -> Iterator[tuple[str, float]]:
     """Yield contact angle and θ of each patch where it was last seen, and the vertical force."""
     if not record.contacts:
         return
