@@ -18,6 +18,7 @@ from meshes.domain import Domain
 from workflow.results import atomic
 from workflow.results.fields import FieldWriter
 from workflow.results.patches import append_events, append_patches
+from workflow.results.table import strict
 from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
@@ -197,15 +198,6 @@ class Results:
         text = json.dumps(strict(summary), indent=2, default=float) + "\n"
         path = self.folder / "summary.json"
         on_root(self.comm, self.folder, lambda: atomic.replace(path, text.encode()))
-
-
-def strict(value: Any) -> Any:
-    """Return the value with ``None`` for every number that JSON cannot hold (NaN, infinity)."""
-    if isinstance(value, Mapping):
-        return {key: strict(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [strict(entry) for entry in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 CONTACT_UNITS = {
