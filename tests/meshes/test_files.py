@@ -426,7 +426,7 @@ def test_export_command(tmp_path, monkeypatch, capfd):
     def call(*words: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["squealx", "export", *words])
         try:
-            main.main()
+            main()
             code = 0
         except SystemExit as stop:
             code = int(stop.code or 0)

@@ -16,7 +16,7 @@ from contact.tangent import shape_functions
 from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow import Scene, run
 from workflow.audit.advice import landing_gain
-from workflow.audit.audit import in_words, report
+from workflow.audit.audit import printout, report
 from workflow.audit.limits import Limits
 from workflow.model.model import build
 from workflow.simulation.initial import start
@@ -159,7 +159,7 @@ def test_turning_bodies_are_doubted():
         "bodies.roller.kinematics": "small-strain", "equilibrium.tolerance": 1e-3}))  # fmt: skip
     told = "\n".join(found["doubts"])
     assert "bodies.roller.kinematics = 'small-strain'" in told and "float32" in told
-    assert any("steps of" in line for line in in_words(found))
+    assert any("steps of" in line for line in printout(found))
 
 
 @pytest.mark.parametrize("p, gain", [(1.0, 0.0), (2.0, 0.0), (3.0, 0.75), (2.5, 25 / 108)])

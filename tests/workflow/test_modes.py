@@ -188,7 +188,7 @@ def test_bad_input_is_named(words, message, monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["squealx", "modes", *words])
     with pytest.raises(SystemExit) as stop:
-        main.main()
+        main()
     assert stop.value.code == 2
     assert message in capfd.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -22,8 +22,6 @@ from workflow.scene.scene import Scene
 from workflow.simulation.stepping import steps
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from workflow.audit.limits import Limits
 
 PRODUCTS = 40
@@ -125,20 +123,7 @@ def cost(model: Model, spent: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def in_numbers(found: Any) -> Any:
-    """Return a report as JSON has it: what is infinite or not a number is null."""
-    if isinstance(found, dict):
-        return {key: in_numbers(value) for key, value in found.items()}
-    return None if isinstance(found, float) and not np.isfinite(found) else found
-
-
-def show(found: dict[str, Any], console: "Console") -> None:
-    """Print a report."""
-    for line in in_words(found):
-        console.print(line, highlight=False, soft_wrap=True)
-
-
-def in_words(found: dict[str, Any]) -> Iterator[str]:
+def printout(found: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of a report."""
     b, a, c = found["bound"], found["asked"], found["critical"]
     yield (

@@ -3,10 +3,10 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -23,10 +23,8 @@ from workflow.model.bodies import Bodies
 from workflow.model.geometry import domain_of
 from workflow.model.step import step_bound
 from workflow.model.track import connections
+from workflow.results.table import Column, Table
 from workflow.scene.scene import Scene, SceneError
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 Array = npt.NDArray[np.float64]
 
@@ -173,56 +171,52 @@ def write(found: MeshReport, folder: Path) -> list[Path]:
         return [folder / "mesh.json", style.save(mesh_quality(found), folder / "mesh.png")]
 
 
-def show(found: MeshReport, console: "Console") -> None:
-    """Print the report: bodies, sizes and shapes, and the cells that set the step."""
-    from rich.table import Table
-
+def printout(found: MeshReport) -> Iterator[str | Table]:
+    """Yield what a terminal shows: bodies, sizes and shapes, and the cells that set the step."""
     s = summary(found)
-    for line in found.told:
-        console.print(line, highlight=False)
-    parts = Table("body", "cells", "mass [kg]")
-    for name, body in s["bodies"].items():
-        parts.add_row(name, str(body["cells"]), f"{body['mass']:.4g}")
-    console.print(parts)
-    _print_histograms(found, console)
+    yield from found.told
+    yield Table("", BODIES, [{"name": n} | body for n, body in s["bodies"].items()])
+    yield _histograms(found)
     step, shape = s["step"], s["scaled_jacobian"]["share_below"]
-    console.print(
+    yield (
         f"scaled Jacobian from {s['scaled_jacobian']['smallest']:.2f}; below 0.35: "
         f"{shape['0.35']:.2%}, below 0.5: {shape['0.5']:.2%} of the cells\n"
         f"volume {s['volume']:.6e} m³, within the surface {s['volume_within_surface']:.6e} m³\n"
         f"step of the stiffest cell {step['cell'] * 1e9:.1f} ns; stable step "
         f"{step['bound'] * 1e9:.1f} ns, of which the run takes {found.scene.time.safety:.2g}; "
         f"{step['cells_within_10_percent']} cells are within 10 % of the stiffest\n"
-        f"made in {s['seconds']:.1f} s",
-        highlight=False,
+        f"made in {s['seconds']:.1f} s"
     )
-    worst = Table("cell", "region", "x, y, z [m]", "step [ns]", "edges [mm]", "scaled Jacobian")
-    for c in s["stiffest_cells"]:
-        worst.add_row(
-            str(c["cell"]),
-            c["region"],
-            ", ".join(f"{x:.4f}" for x in c["centre"]),
-            f"{c['step'] * 1e9:.1f}",
-            " to ".join(f"{e * 1e3:.2f}" for e in c["edges"]),
-            f"{c['scaled_jacobian']:.2f}",
-        )
-    console.print(worst)
+    yield Table("", CELLS, s["stiffest_cells"])
 
 
-def _print_histograms(found: MeshReport, console: "Console", bins: int = 10) -> None:
-    """Print how many edges and cells there are of each size and of each step."""
-    from rich.table import Table
+BODIES = (
+    Column("body", "name", words=True),
+    Column("cells", "cells"),
+    Column("mass", "mass", ".4g", "kg"),
+)
+CELLS = (
+    Column("cell", "cell"),
+    Column("region", "region", words=True),
+    Column("x, y, z", lambda c: ", ".join(f"{x:.4f}" for x in c["centre"]), unit="m"),
+    Column("step", "step", ".1f", "ns", 1e9),
+    Column("edges", lambda c: " to ".join(f"{e * 1e3:.2f}" for e in c["edges"]), unit="mm"),
+    Column("scaled Jacobian", "scaled_jacobian", ".2f"),
+)
 
-    table = Table("edges [mm]", "edges", "step of a cell [ns]", "cells")
+
+def _histograms(found: MeshReport, bins: int = 10) -> Table:
+    """Return how many edges and cells there are of each size and of each step."""
     (edges, at), (cells, step) = (
         np.histogram(values, np.geomspace(values.min(), values.max() * (1 + 1e-9), bins + 1))
         for values in (found.edges, found.steps)
     )
-    for i in range(bins):
-        table.add_row(
-            f"{at[i] * 1e3:.3g} to {at[i + 1] * 1e3:.3g}",
-            str(edges[i]),
-            f"{step[i] * 1e9:.4g} to {step[i + 1] * 1e9:.4g}",
-            str(cells[i]),
-        )
-    console.print(table)
+    columns = (
+        Column("edges", lambda i: f"{at[i] * 1e3:.3g} to {at[i + 1] * 1e3:.3g}", unit="mm"),
+        Column("edges", lambda i: int(edges[i])),
+        Column(
+            "step of a cell", lambda i: f"{step[i] * 1e9:.4g} to {step[i + 1] * 1e9:.4g}", unit="ns"
+        ),
+        Column("cells", lambda i: int(cells[i])),
+    )
+    return Table("", columns, range(bins))

@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contact.theory.closed_forms import Hertz
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from workflow.theory.at_rest import AtRest
 
 MM, MPA = 1e3, 1e-6

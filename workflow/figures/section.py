@@ -14,11 +14,6 @@ from workflow.results.record import RAIL, Body, Contact, Patch, Record
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MM = 1e3
 NUDGE = 1e-6  # off the nodes of a body at rest, where cells would be cut along their faces [m]

@@ -179,14 +179,13 @@ def embedded(path: Path, number: int) -> dict[str, Any]:
 def render(shown: dict[str, Any]) -> str:
     """Return the page; everything that is put into it is escaped."""
     from jinja2 import Environment, StrictUndefined, select_autoescape
-    from markupsafe import Markup, escape
 
     environment = Environment(
-        autoescape=select_autoescape(default=True), undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    # a key may be broken after an underscore; no character is added to what is copied
-    environment.filters["breakable"] = lambda key: escape(key).replace("_", Markup("_<wbr>"))
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     text = (resources.files("workflow.report") / "template.html").read_text("utf-8")
     return environment.from_string(text).render(**shown)
 

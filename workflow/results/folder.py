@@ -91,15 +91,6 @@ def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
         )
 
 
-def strict(value: Any) -> Any:
-    """Return the value with ``None`` for every number that JSON cannot hold (NaN, infinity)."""
-    if isinstance(value, Mapping):
-        return {key: strict(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [strict(entry) for entry in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
 def cut(folder: Path, resume: Resume) -> list[str]:
     """Drop all that a run wrote after its checkpoint; return what had to be replaced.
 

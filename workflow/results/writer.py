@@ -14,8 +14,9 @@ import tomli_w
 from meshes.domain import Domain
 from workflow.results import atomic
 from workflow.results.fields import FieldWriter
-from workflow.results.folder import Resume, cut, on_root, strict
+from workflow.results.folder import Resume, cut, on_root
 from workflow.results.patches import append_events, append_patches
+from workflow.results.table import strict
 from workflow.scene import Scene, SceneError
 
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
