@@ -21,9 +21,10 @@ from meshes.wheel_rail.rail import rail
 from meshes.wheel_rail.sleepers import sleepers
 from tests.beams import beam_section, foundation_deflection
 from workflow.model.model import Model, build
-from workflow.model.track import follow, sleeper_bodies
+from workflow.model.track import sleeper_bodies
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.initial import rest, start
+from workflow.simulation.rolling import follow
 from workflow.simulation.stepping import steps
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
