@@ -213,21 +213,21 @@ class Sampling:
         elif edge:
             for sampler in self.probes:
                 sampler.begin()
-            for sampler in self.contacts.values():
-                sampler.begin()
+            for contact in self.contacts.values():
+                contact.begin()
             self.open = True
         elif self.open:
             for sampler in self.busy:
                 sampler.follow()
-            for sampler in self.contacts.values():
-                sampler.follow()
+            for contact in self.contacts.values():
+                contact.follow()
 
     def _close(self) -> None:
         self.t.append(self.model.state.t - self.interval / 2)
         if self.probes:
             self.motion.append(np.array([sampler.close(self.every) for sampler in self.probes]))
-        for name, sampler in self.contacts.items():
-            self.force[name].append(sampler.close(self.every))
+        for name, contact in self.contacts.items():
+            self.force[name].append(contact.close(self.every))
 
     def append(self, results: Results) -> None:
         """Add to the results what was sampled since the last time; collective."""
@@ -271,8 +271,8 @@ class Sampling:
         waiting["motion"], waiting["start"] = (
             np.array(comm.allgather(part)) for part in (waiting["motion"], starts)
         )
-        for name, sampler in self.contacts.items():
-            waiting |= {f"{name}/sum": sampler.total.copy(), f"{name}/sums": sampler.nodal.copy()}
+        for name, contact in self.contacts.items():
+            waiting |= {f"{name}/sum": contact.total.copy(), f"{name}/sums": contact.nodal.copy()}
         return waiting | {"every": np.array([self.every, self.written, self.open])}
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
@@ -295,8 +295,8 @@ class Sampling:
         self.motion = list(motion) if self.probes else []
         for sampler, (before, sums) in zip(self.probes, start, strict=True):
             sampler.start, sampler.sum = before.copy(), sums.copy()
-        for name, sampler in self.contacts.items():
-            sampler.total[:], sampler.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
+        for name, contact in self.contacts.items():
+            contact.total[:], contact.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
             cuts = np.cumsum(memory[f"{name}/count"])[:-1]
             nodes, nodal = (np.split(memory[f"{name}/{key}"], cuts) for key in ("node", "nodal"))
             self.force[name] = list(zip(memory[f"{name}/total"], nodes, nodal, strict=False))
