@@ -11,7 +11,7 @@ from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.style import Array
 from workflow.figures.view3d import EDGE, Frame, halved, surface
-from workflow.results.record import STEEP, Body, Contact, Patch, Record
+from workflow.results.record import STEEP, Body, Contact, PatchNodes, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -179,7 +179,7 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
         _trail(axes, flat, [(t, p[place]) for t, p in _outputs(contact) if place in p], place)
     every = np.vstack([p.position for _, o in _outputs(contact) for p in o.values()])
     s = flat.flat(every)[:, 1] * MM
-    bend = np.interp(STEEP, np.degrees(flat.slope[::-1]), flat.s[::-1]) * MM
+    bend = np.interp(STEEP, flat.slope[::-1], flat.s[::-1]) * MM
     axes.set_ylim(min(s.min(), bend) - 9, s.max() + 9)
     axes.axhline(bend, color=style.INK, ls=":", lw=0.8)
     axes.text(0.995, bend, "rail slopes 45°", transform=axes.get_yaxis_transform(), **_BEND)
@@ -189,7 +189,9 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
     style.letter(axes, "b", "developed surface, s from the rail top, gauge side below")
 
 
-def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], place: int) -> None:
+def _trail(
+    axes: "Axes", flat: Development, path: list[tuple[float, PatchNodes]], place: int
+) -> None:
     """Draw the trail of a patch and label the times of its ends, away from the other patch."""
     if not path:
         return
@@ -208,7 +210,7 @@ def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], pla
 _BEND: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 6, "color": style.INK}
 
 
-def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
+def shown(contact: Contact) -> list[tuple[dict[int, PatchNodes], str]]:
     """Return patches and colour of the outputs that are outlined.
 
     Those are the first, the last, births, and so many between that outlines do not pile up.
@@ -225,7 +227,7 @@ def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
     return kept
 
 
-def _outputs(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
+def _outputs(contact: Contact) -> list[tuple[float, dict[int, PatchNodes]]]:
     return [(t, p) for t, p in zip(contact.t, contact.patches, strict=True) if p]
 
 

@@ -29,7 +29,7 @@ def patch_forces(record: Record) -> "Figure | None":
     scale, unit = style.prefixed(contact.t, "s")
     _normal_forces(panels[0], contact, scale, static="equilibrium" in record.scene)
     _by_patch(panels[1], contact, "tangential_force", scale, 1e-3)
-    _by_patch(panels[2], contact, "angle", scale, 1.0)
+    _by_patch(panels[2], contact, "contact_angle", scale, style.DEGREES)
     _by_patch(panels[3], contact, "area", scale, 1e6)
     titles = ("normal force", "tangential force", "contact angle", "contact area")
     labels = ("force [kN]", "force [kN]", "angle to the vertical [°]", "area [mm²]")
@@ -65,7 +65,7 @@ def patch_means(record: Record) -> "Figure | None":
     quantities = ("lateral_shear", "longitudinal_shear", "shear_angle")
     titles = ("mean lateral shear", "mean longitudinal shear", "angle θ of the mean shear")
     labels = ("stress on the rail [MPa]", "stress on the rail [MPa]", "from −longitudinal [°]")
-    for k, factor in enumerate((1e-6, 1e-6, 1.0)):
+    for k, factor in enumerate((1e-6, 1e-6, style.DEGREES)):
         _by_patch(panels[k], ample, quantities[k], scale, factor)
         style.letter(panels[k], "abc"[k], titles[k])
         panels[k].set_ylabel(labels[k])
@@ -89,7 +89,7 @@ def _creepages(axes: "Axes", record: Record, scale: float) -> None:
     if not table:
         axes.set_axis_off()
         return
-    steep = np.degrees(table["contact_angle"]) >= STEEP
+    steep = table["contact_angle"] >= STEEP
     for place, mine in ((1, ~steep), (2, steep)):
         t, row = np.unique(table["t"][mine], return_inverse=True)
         force = table["normal_force"][mine]
