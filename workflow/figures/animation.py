@@ -56,7 +56,13 @@ class Scenery:
 
 
 def transition(record: Record) -> Path | None:
-    """Write ``figures/transition.gif`` and return its path, None if the contact does not change."""
+    """A frame for each output, nothing between them.
+
+    Above: the contact surface rolled out flat (for a wheel on a rail; else the plane of the
+    first patch), cells coloured by pressure, arrows the shear on the lower body, cells that
+    adhere outlined in green. Below: cut across the track through the patch that bears most;
+    normal and tangential force of each patch.
+    """
     if not record.contacts:
         return None
     contact = next(iter(record.contacts.values()))

@@ -61,7 +61,12 @@ class Development:
 
 
 def footprints(record: Record) -> "Figure | None":
-    """Footprints on the rail: one-point contact blue, two-point contact red."""
+    """Nodes in contact at some of the outputs, at the places of the undeformed rail.
+
+    A node counts if its normal force is not zero. Outlines enclose the tributary areas of the
+    nodes. Blue: contact in one patch; red: in two. The lower panel is the running surface
+    rolled out flat; lines are trails of the centres of normal force at every output.
+    """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
     rail = record.body.part(record.body.regions == Tag.RAIL_HEAD)

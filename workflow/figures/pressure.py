@@ -25,9 +25,11 @@ INNER = 0.9  # of the contact, where nodes are compared: the edge is a matter of
 
 
 def pressure(record: Record) -> "Figure | None":
-    """Pressure at the last output in contact, Hertz behind; shear of Carter or Cattaneo.
+    """Nodal pressure and shear at the last output in contact, closed forms behind.
 
-    Closed forms are those under the normal (and tangential) force of that output.
+    Pressure (normal force over tributary area) against Hertz under the same normal force; shear
+    against Carter or Cattaneo and Mindlin under the same tangential force. Root mean squares
+    are of the nodes within 0.9 of the contact, over the largest value.
     """
     bodies = smooth(record)
     if bodies is None or not record.contacts:

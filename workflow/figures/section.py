@@ -20,9 +20,11 @@ NUDGE = 1e-6  # off the nodes of a body at rest, where cells would be cut along 
 
 
 def cross_section(record: Record) -> "Figure | None":
-    """Deformed wheel and rail cut through each patch when both bear most.
+    """The deformed cells of wheel and rail cut across the track through each patch.
 
-    With one patch only, the last output in contact is drawn.
+    Shown is the output at which the lesser of two patches bears most, or the last one in
+    contact. Arrows are the directions of the normal resultants; the contact angle is theirs to
+    the vertical.
     """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
@@ -181,7 +183,12 @@ BODIES = {False: ("wheel", "#3f6f9e", "o"), True: ("rail", "#8a6a2f", "s")}
 
 
 def contact_nodes(record: Record) -> "Figure | None":
-    """Nodes of wheel and rail through each patch when both bear most, and from their plane."""
+    """Coordinates of the surface nodes of wheel and rail next to the section through each patch.
+
+    (a) In the track, with the tangent of each patch and its angle to the horizontal. (b, c) In
+    the frame of each patch, heights stretched: nodes in contact lie on, or by the penetration
+    below, the facets of the other body.
+    """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
     contact = next(iter(record.contacts.values()))

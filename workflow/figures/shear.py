@@ -29,7 +29,12 @@ OTHER_NAME = {1: "contact patch", 2: "steep patch"}
 
 
 def adhesion(record: Record) -> "Figure | None":
-    """Adhesion and slip in each patch: friction x normal - shear force against its tolerance."""
+    """Nodes of each patch in its tangent plane, each as a rectangle of its tributary area.
+
+    A node adheres if friction × normal force less tangential force exceeds ε, the given part of
+    the largest nodal tangential force of the output. Times: the last output before a second
+    patch, and the first, middle and last with two; with one patch, four over the run.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
@@ -51,7 +56,10 @@ def adhesion(record: Record) -> "Figure | None":
 
 
 def shear_vectors(record: Record) -> "Figure | None":
-    """Shear stress on the lower body as vectors, and its angle θ of the mean."""
+    """Shear stress on the lower body at each node of the patches, in their tangent planes.
+
+    θ is the angle of the mean to the negative longitudinal axis.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
@@ -81,7 +89,11 @@ _KEY: dict[str, Any] = {"fontproperties": {"size": 6}, "labelsep": 0.04}
 
 
 def centre_line(record: Record) -> "Figure | None":
-    """Pressure, friction x pressure and shear stress along each longitudinal centre line."""
+    """Pressure, friction × pressure and shear stress at nodes of a longitudinal row of each patch.
+
+    The row is the one next to the centre of the patch. Where shear meets friction × pressure
+    the surfaces slip. Stress is nodal force over tributary area.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
