@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
+from meshes.quads import enclosed_volume
 
 Array = npt.NDArray[np.float64]
 
@@ -76,28 +77,23 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
     """
     edges, _ = edges_of(mesh.cells)
     length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
-    volume = float(volumes(mesh).sum())
+    volume = float(cell_volumes(mesh.points, mesh.cells).sum())
     tags, counts = np.unique(mesh.regions, return_counts=True)
     return Quality(
         cells=len(mesh.cells),
         nodes=len(mesh.points),
         shortest=float(length.min()),
         longest=float(length.max()),
-        scaled_jacobian=float(scaled_jacobians(mesh).min()),
+        scaled_jacobian=float(scaled_jacobians(mesh.points, mesh.cells).min()),
         volume=volume,
-        enclosed=enclosed_volume(mesh),
+        enclosed=enclosed_volume(mesh.points, boundary(mesh.cells)),
         mass=density * volume,
         regions={mesh.name(int(tag)).upper(): int(n) for tag, n in zip(tags, counts, strict=True)},
     )
 
 
-def scaled_jacobians(mesh: HexMesh) -> Array:
+def scaled_jacobians(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     """Return the smallest determinant of unit edges over the nodes of each cell, ``(c,)``."""
-    return worst_corners(mesh.points, mesh.cells)
-
-
-def worst_corners(points: Array, cells: npt.NDArray[np.int64]) -> Array:
-    """Return the scaled Jacobian of each of ``cells``, shape ``(c,)``, as the smallest of 8."""
     x = points[cells]
     edges = x[:, NEIGHBOURS] - x[:, :, None]
     edges /= np.linalg.norm(edges, axis=3, keepdims=True)
@@ -107,27 +103,12 @@ def worst_corners(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     )
 
 
-def volumes(mesh: HexMesh) -> Array:
+def cell_volumes(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     """Return the volume of each cell by 2 × 2 × 2 Gauss points, shape ``(c,)`` [m³]."""
-    x = mesh.points[mesh.cells]
+    x = points[cells]
     total = np.zeros(len(x))
     for xi in CORNERS / np.sqrt(3):
         shape = 1 + CORNERS * xi
         gradient = CORNERS * np.roll(shape, -1, axis=1) * np.roll(shape, -2, axis=1) / 8
         total += np.linalg.det(np.einsum("cni,nk->cik", x, gradient))
-    return total
-
-
-def enclosed_volume(mesh: HexMesh) -> float:
-    """Return the volume within the outer surface by the divergence theorem [m³]."""
-    x = mesh.points[boundary(mesh.cells)]
-    total = 0.0
-    for u in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
-        for v in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
-            shape = np.array([(1 - u) * (1 - v), (1 + u) * (1 - v), (1 + u) * (1 + v)])
-            shape = np.append(shape, (1 - u) * (1 + v)) / 4
-            along = np.array([-(1 - v), 1 - v, 1 + v, -(1 + v)]) / 4
-            across = np.array([-(1 - u), -(1 + u), 1 + u, 1 - u]) / 4
-            at, a, b = (np.einsum("qni,n->qi", x, w) for w in (shape, along, across))
-            total += float(np.sum(at * np.cross(a, b))) / 3
     return total

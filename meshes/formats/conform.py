@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.hexmesh import FACES
-from meshes.quality import worst_corners
+from meshes.quality import scaled_jacobians
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -32,11 +32,11 @@ def turned(points: Array, cells: Indices) -> tuple[Indices, int]:
             f"{(cells[first] + 1).tolist()}; expected eight different nodes"
         )
     with np.errstate(invalid="ignore", divide="ignore"):
-        worst = worst_corners(points, cells)
+        worst = scaled_jacobians(points, cells)
         wrong = np.flatnonzero(~(worst > 0))
         cells = cells.copy()
         cells[wrong] = cells[wrong][:, TURNED]
-        worst[wrong] = worst_corners(points, cells[wrong])
+        worst[wrong] = scaled_jacobians(points, cells[wrong])
     tangled = wrong[~(worst[wrong] > 0)]
     if len(tangled):
         x, y, z = points[cells[tangled[0]]].mean(axis=0)

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from meshes.hexmesh import boundary
-from meshes.quality import NEIGHBOURS, worst_corners
+from meshes.quality import NEIGHBOURS, scaled_jacobians
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -29,7 +29,7 @@ def relaxed(points: Array, cells: Index, *, below: float = 0.5, steps: int = 60)
         steps: Largest number of steps of the minimiser.
     """
     moving = np.zeros(len(points), dtype=bool)
-    moving[cells[worst_corners(points, cells) < below]] = True
+    moving[cells[scaled_jacobians(points, cells) < below]] = True
     moving[boundary(cells)] = False
     if not moving.any():
         return points

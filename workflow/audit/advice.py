@@ -10,7 +10,6 @@ from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow.model.bodies import isotropic
 from workflow.model.model import Model
 from workflow.scene.bodies import Isotropic
-from workflow.simulation.guards import sides
 
 if TYPE_CHECKING:
     from workflow.audit.limits import Touch
@@ -128,7 +127,7 @@ def landing_gain(penalty: float, phases: int = 2001) -> float:
 
 def _half_spaces(model: Model, name: str) -> tuple[HalfSpace, HalfSpace] | None:
     """Return both sides of a contact as half spaces, None if one is rigid."""
-    side = sides(model.pairs[name])[0]
+    side = model.pairs[name].passes[0]
     if side.target.rigid or side.contactor.rigid:
         return None
     one, other = (_behind(model, int(s.nodes[0])) for s in (side.contactor, side.target))

@@ -16,10 +16,12 @@ import numpy.typing as npt
 from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
 from meshes.generate.refine import edges_of
-from meshes.hexmesh import HexMesh
-from meshes.quality import enclosed_volume, scaled_jacobians, volumes
-from workflow.model.bodies import Bodies, step_bound
+from meshes.hexmesh import HexMesh, boundary
+from meshes.quads import enclosed_volume
+from meshes.quality import cell_volumes, scaled_jacobians
+from workflow.model.bodies import Bodies
 from workflow.model.geometry import domain_of
+from workflow.model.step import step_bound
 from workflow.model.track import connections
 from workflow.results.table import Column, Table
 from workflow.scene.scene import Scene, SceneError
@@ -92,7 +94,7 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
     frequencies[domain.msh.topology.original_cell_index[: len(own)]] = own
     densities = {bodies.tags(b): b.material.density for b in scene.bodies.values()}
     mass = lumped_mass(domain.V, bodies.dx, densities)
-    volume = volumes(mesh)
+    volume = cell_volumes(mesh.points, mesh.cells)
     counted = {}
     for name, body in scene.bodies.items():
         mine = np.isin(mesh.regions, bodies.tags(body))
@@ -102,10 +104,10 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
         mesh=mesh,
         steps=2 / frequencies,
         assembled=step_bound(bodies, mass, connections(scene, domain), log),
-        jacobians=scaled_jacobians(mesh),
+        jacobians=scaled_jacobians(mesh.points, mesh.cells),
         bodies=counted,
         volume=float(volume.sum()),
-        enclosed=enclosed_volume(mesh),
+        enclosed=enclosed_volume(mesh.points, boundary(mesh.cells)),
         seconds=seconds,
         told=told,
     )

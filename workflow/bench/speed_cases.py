@@ -33,7 +33,8 @@ from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
 from meshes.shapes import blocks
 from meshes.tags import Tag
-from workflow.simulation.stepping import State, central_difference, no_hold
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference, no_hold
 
 Array = npt.NDArray[np.float64]
 Call = Callable[[], Any]
@@ -251,7 +252,7 @@ def contact(sizes: list[int], count: int) -> dict[str, Any]:
             "apart": partial(apart.add, away, force),
         }
         times = rounds(calls, count, inner=CONTACT_CALLS)
-        nodes = len(touching.near.item)
+        nodes = len(touching.passes[0].near.item)
         found.append(
             {
                 "nodes": nodes,

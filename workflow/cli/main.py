@@ -86,7 +86,7 @@ def run(
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
-        from workflow.results.writer import check_free
+        from workflow.results.folder import check_free
 
         check_free(folder, resume)
         verb = ("run", "--resume") if resume else ("run",)

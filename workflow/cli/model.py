@@ -137,7 +137,7 @@ def modes(
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-modes"
     if ranks > 1 and not in_mpi():
-        from workflow.results.writer import check_free
+        from workflow.results.folder import check_free
 
         check_free(folder)
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]

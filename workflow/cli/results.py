@@ -60,7 +60,7 @@ def bench(
     if in_mpi():
         raise SceneError("bench: expected to be started without mpiexec; it starts its own ranks")
     from workflow.bench.speed import measure, printout
-    from workflow.results.writer import check_free
+    from workflow.results.folder import check_free
 
     check_free(out)
     found = measure(out, quick, progress())
@@ -81,7 +81,7 @@ def stability(
     """Run stiff and extreme cases: a verdict for every cell, limits found against the audit's."""
     if in_mpi():
         raise SceneError("stability: expected to be started without mpiexec; its cells are serial")
-    from workflow.results.writer import check_free
+    from workflow.results.folder import check_free
     from workflow.stability.figure import draw
     from workflow.stability.limits import limits
     from workflow.stability.run import counts, matrix

@@ -9,14 +9,11 @@ and ``contact/PAIR/surface`` the nodes of the contactor with their reference pos
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 import numpy.typing as npt
-
-if TYPE_CHECKING:
-    from workflow.simulation.sampling import Sampling
 
 Array = npt.NDArray[np.float64]
 
@@ -84,68 +81,6 @@ class Samples:
     centre: Array
 
 
-def append(file: Any, sampling: "Sampling", arrays: dict[str, npt.NDArray[Any]]) -> None:
-    """Add samples to an open results file.
-
-    Args:
-        file: The file.
-        sampling: Where they come from.
-        arrays: What :meth:`workflow.simulation.sampling.Sampling.take` returned.
-    """
-    root = file.require_group("probes")
-    if "interval" not in root.attrs:
-        root.attrs["interval"] = sampling.interval
-        root.attrs["about"] = "means over windows of that length [s], t in their middle"
-        describe_rolling(root, sampling)
-    _extend(root, "t", arrays["t"], "s")
-    points = sampling.model.domain.source.points
-    for i, gauge in enumerate(sampling.gauges):
-        name, kind = gauge.probe.name, gauge.probe.quantity
-        data = _extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
-        if "quantity" not in data.attrs:
-            data.attrs["quantity"] = kind
-            data.attrs["nodes"] = len(gauge.nodes)
-            data.attrs["place"] = points[gauge.nodes].mean(axis=0)
-            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
-    for name in sampling.touches:
-        group = root.require_group(f"contact/{name}")
-        if "surface" not in group:
-            describe_surface(group, sampling, name)
-        total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
-        _extend(group, "normal_force", total[:, 0], "N")
-        _extend(group, "tangential_force", total[:, 1], "N")
-        _extend(group, "nodal/count", arrays[f"{name}/count"], "1")
-        _extend(group, "nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
-        _extend(group, "nodal/normal_force", nodal[:, :3], "N")
-        _extend(group, "nodal/tangential_force", nodal[:, 3:], "N")
-
-
-def describe_rolling(root: Any, sampling: "Sampling") -> None:
-    """Note how the wheelset turns, so that forces can be brought into its own axes."""
-    model = sampling.model
-    if model.scene.rolling is not None:
-        from workflow.simulation.rolling import spin
-
-        root.attrs["spin"] = spin(model)
-        root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
-
-
-def describe_surface(group: Any, sampling: "Sampling", pair: str) -> None:
-    """Note body, nodes and reference positions of the contactor of a pair."""
-    contactor = sampling.touches[pair].side.contactor
-    order = np.argsort(contactor.nodes)
-    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
-    group["surface/node"] = contactor.nodes[order].astype(np.int32)
-    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
-
-
-def body_of(sampling: "Sampling", node: int) -> str:
-    """Return the name of the body that a mesh node belongs to."""
-    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
-    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
-    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])
-
-
 def cut(file: Any, rows: int) -> None:
     """Keep the first ``rows`` samples of an open results file.
 
@@ -202,7 +137,8 @@ def _pair(group: Any) -> PairSamples:
     )
 
 
-def _extend(group: Any, name: str, values: npt.NDArray[Any], unit: str) -> Any:
+def extend(group: Any, name: str, values: npt.NDArray[Any], unit: str) -> Any:
+    """Add rows to a column of an open results file; return the column."""
     if name not in group:
         shape = values.shape[1:]
         data = group.create_dataset(

@@ -18,19 +18,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from workflow.model.regions import area_shares, facets, surface_nodes
-from workflow.scene.scene import SceneError
+from meshes.domain import Domain
+from meshes.quads import area_shares
+from workflow.model import Model
+from workflow.model.regions import facets, surface_nodes
+from workflow.results.samples import UNITS, extend
+from workflow.results.writer import Results
+from workflow.scene import SceneError
 from workflow.scene.settings import Probe
+from workflow.simulation.rolling import spin
 
 if TYPE_CHECKING:
-    from meshes.domain import Domain
-    from workflow.model.model import Model
+    from contact import ContactPair
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 
-def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
+def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     """Return the nodes of a probe and their shares in its mean, which sum to 1.
 
     Args:
@@ -49,7 +54,7 @@ def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
         away = np.linalg.norm(source.points[nodes] - probe.point, axis=1)
         return nodes[[int(np.argmin(away))]], np.ones(1)
     if probe.surface is not None:
-        return area_shares(domain, facets(domain, probe.surface))
+        return area_shares(domain.source.points, facets(domain, probe.surface))
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
@@ -60,7 +65,7 @@ class Gauge:
         nodes: Its mesh nodes.
     """
 
-    def __init__(self, probe: Probe, model: "Model", mass: Array) -> None:
+    def __init__(self, probe: Probe, model: Model, mass: Array) -> None:
         self.probe, self.state, self.dt = probe, model.state, model.dt
         self.nodes, share = place(probe, model.domain, mass)
         local = model.domain.local_dofs(self.nodes)
@@ -107,8 +112,8 @@ class Touch:
         nodal: The same of every contactor node, shape ``(nc, 6)`` [N].
     """
 
-    def __init__(self, pair: Any) -> None:
-        self.pair, self.side = pair, getattr(pair, "passes", (pair,))[0]
+    def __init__(self, pair: "ContactPair") -> None:
+        self.pair, self.side = pair, pair.passes[0]
         self.total = np.zeros((2, 3))
         self.nodal = np.zeros((len(self.side.contactor.nodes), 6))
 
@@ -160,7 +165,7 @@ class Sampling:
         written: Samples that are in the results already.
     """
 
-    def __init__(self, model: "Model") -> None:
+    def __init__(self, model: Model) -> None:
         scene, domain = model.scene, model.domain
         assert scene.output.sample_interval is not None
         self.every = max(1, round(scene.output.sample_interval / model.dt))
@@ -221,6 +226,12 @@ class Sampling:
             self.motion.append(np.array([gauge.close(self.every) for gauge in self.gauges]))
         for name, touch in self.touches.items():
             self.force[name].append(touch.close(self.every))
+
+    def append(self, results: Results) -> None:
+        """Add to the results what was sampled since the last time; collective."""
+        arrays = self.take()
+        if results.comm.bcast(len(arrays["t"])):
+            results.write(lambda file: _write(file, self, arrays))
 
     def take(self) -> dict[str, npt.NDArray[Any]]:
         """Return the waiting samples by name, whole on rank 0, and count them as written.
@@ -295,3 +306,57 @@ class Sampling:
             return np.asarray(parts[comm.rank])
         whole = parts.sum(axis=0)
         return whole if comm.rank == 0 else np.zeros_like(whole)
+
+
+def _write(file: Any, sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -> None:
+    """Add samples to an open results file."""
+    root = file.require_group("probes")
+    if "interval" not in root.attrs:
+        root.attrs["interval"] = sampling.interval
+        root.attrs["about"] = "means over windows of that length [s], t in their middle"
+        _describe_rolling(root, sampling)
+    extend(root, "t", arrays["t"], "s")
+    points = sampling.model.domain.source.points
+    for i, gauge in enumerate(sampling.gauges):
+        name, kind = gauge.probe.name, gauge.probe.quantity
+        data = extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
+        if "quantity" not in data.attrs:
+            data.attrs["quantity"] = kind
+            data.attrs["nodes"] = len(gauge.nodes)
+            data.attrs["place"] = points[gauge.nodes].mean(axis=0)
+            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
+    for name in sampling.touches:
+        group = root.require_group(f"contact/{name}")
+        if "surface" not in group:
+            _describe_surface(group, sampling, name)
+        total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
+        extend(group, "normal_force", total[:, 0], "N")
+        extend(group, "tangential_force", total[:, 1], "N")
+        extend(group, "nodal/count", arrays[f"{name}/count"], "1")
+        extend(group, "nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
+        extend(group, "nodal/normal_force", nodal[:, :3], "N")
+        extend(group, "nodal/tangential_force", nodal[:, 3:], "N")
+
+
+def _describe_rolling(root: Any, sampling: Sampling) -> None:
+    """Note how the wheelset turns, so that forces can be brought into its own axes."""
+    model = sampling.model
+    if model.scene.rolling is not None:
+        root.attrs["spin"] = spin(model)
+        root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
+
+
+def _describe_surface(group: Any, sampling: Sampling, pair: str) -> None:
+    """Note body, nodes and reference positions of the contactor of a pair."""
+    contactor = sampling.touches[pair].side.contactor
+    order = np.argsort(contactor.nodes)
+    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
+    group["surface/node"] = contactor.nodes[order].astype(np.int32)
+    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
+
+
+def body_of(sampling: Sampling, node: int) -> str:
+    """Return the name of the body that a mesh node belongs to."""
+    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
+    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
+    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])

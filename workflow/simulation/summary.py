@@ -27,7 +27,6 @@ def output(model: Model, results: Results, energy: Energy, error: float) -> dict
             f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
         }
     results.append(history, footprints, motions)
-    results.append_samples(model.sampling)
     results.append_fields(state.t, u, v)
     return history
 

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 import tomli_w
 
-from workflow.results.writer import check_free
+from workflow.results.folder import check_free
 from workflow.scene.scene import Scene, SceneError
 from workflow.study.study import Run, Study
 
