@@ -52,12 +52,12 @@ def test_one_patch_becomes_two(record):
     contact = record.contacts["wheel_rail"]
     np.testing.assert_allclose(contact.t, 3e-4 * np.arange(6), atol=1e-9)
     assert [sorted(p) for p in contact.patches] == [[1]] * 4 + [[1, 2]] * 2
-    angle = contact.series(2, "angle")[contact.two_points]
+    angle = np.degrees(contact.series(2, "contact_angle")[contact.two_points])
     assert ((angle > 60) & (angle < 76)).all()
     load = contact.series(2, "normal_force")[contact.two_points]
     assert (np.diff(load) > 0).all()
     assert load[-1] > contact.series(1, "normal_force")[-1]
-    assert (contact.series(1, "angle") < 35).all()
+    assert (contact.series(1, "contact_angle") < np.radians(35)).all()
 
 
 @pytest.mark.slow

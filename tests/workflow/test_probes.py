@@ -95,7 +95,7 @@ def test_nodal_forces_sum_to_the_total(sampled):
     _, samples, _ = sampled
     pair = samples.pairs["wall"]
     total = np.zeros_like(pair.normal)
-    np.add.at(total, pair.sample, pair.pressing)
+    np.add.at(total, pair.sample, pair.normal_forces)
     np.testing.assert_allclose(total, pair.normal, atol=3e-7 * np.abs(pair.normal).max())
     np.testing.assert_array_equal(pair.reference(pair.node)[:, 0], 0.0)
     assert pair.body == "bar"

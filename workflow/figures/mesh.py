@@ -25,7 +25,11 @@ CLOSE = 0.045  # half size of the close-up [m]
 
 
 def model(record: Record) -> "Figure | None":
-    """The mesh coloured by region; for a wheel on a rail also close up, cut at the contact."""
+    """The mesh as computed, coloured by region.
+
+    For a wheel on a rail the whole model, the wheelset on the rail, a cut at the contact with
+    its cells, and the rail seat. Positions are those before any load.
+    """
     body = record.body
     if body is None:
         return None

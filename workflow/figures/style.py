@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 DPI = 200
+DEGREES = float(np.degrees(1.0))  # in a radian
 COLUMN, PAGE = 3.5, 7.2  # widths of a journal column and page [inch]
 
 RC = {

@@ -5,7 +5,6 @@ The page is a single HTML file that holds its pictures; it needs no network and 
 """
 
 import base64
-import inspect
 import itertools
 import json
 import shlex
@@ -18,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from workflow.figures import gallery
-from workflow.figures.captions import caption
 from workflow.report.checks import Check, checks
 from workflow.report.tables import (
     contact_tables,
@@ -171,9 +169,8 @@ def embedded(path: Path, number: int) -> dict[str, Any]:
     """Return a picture as a data address with its number and caption."""
     data = base64.b64encode(path.read_bytes()).decode()
     address = f"data:{KINDS[path.suffix]};base64,{data}"
-    said = inspect.getdoc(getattr(gallery, path.stem, None)) or ""
-    words = caption(path.stem, " ".join(said.partition("\n\n")[0].split()))
-    return {"number": number, "name": path.stem, "address": address, "caption": words}
+    caption = gallery.caption(path.stem)
+    return {"number": number, "name": path.stem, "address": address, "caption": caption}
 
 
 def render(shown: dict[str, Any]) -> str:

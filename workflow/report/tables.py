@@ -9,12 +9,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-from workflow.results.record import Patch, Record
+from workflow.results.record import PatchNodes, Record
 from workflow.results.table import PAIRS, Column, Table
 from workflow.scene.scene import Scene
 from workflow.scene.units import unit_of
 from workflow.simulation.energy import Energy
 
+DEGREES = float(np.degrees(1.0))  # in a radian
 ROWS = 150  # of a table of outputs; left out evenly beyond
 STEPPING = ("internal_force", "contact", "update", "output")
 KNOWN = {
@@ -223,18 +224,19 @@ def _contact_table(record: Record, name: str) -> Table:
 
 
 def _of_patch(
-    head: str, of: Callable[[Patch], float], show: Any, unit: str = "", factor: float = 1
+    head: str, of: Callable[[PatchNodes], float], show: Any, unit: str = "", factor: float = 1
 ) -> Column:
     """Return a column of rows (time, place, patch)."""
     return Column(head, lambda row: of(row[2]), show, unit, factor)
 
 
-def _mean_shear(patch: Patch) -> float:
+def _mean_shear(patch: PatchNodes) -> float:
     return float(np.hypot(patch.longitudinal_shear, patch.lateral_shear))
 
 
-def _theta(patch: Patch) -> float:
-    return round(patch.shear_angle, 1) if _mean_shear(patch) else np.nan
+def _theta(patch: PatchNodes) -> float:
+    """Return the shear angle to a tenth of a degree, NaN without shear."""
+    return round(DEGREES * patch.shear_angle, 1) if _mean_shear(patch) else np.nan
 
 
 LONG = partial(number, zeros=True)
@@ -243,11 +245,11 @@ PATCH = (
     Column("patch", 1),
     _of_patch("normal", lambda p: p.normal_force, LONG, "kN", 1e-3),
     _of_patch("tangential", lambda p: p.tangential_force, LONG, "kN", 1e-3),
-    _of_patch("angle", lambda p: p.angle, ".2f", "°"),
+    _of_patch("angle", lambda p: p.contact_angle, ".2f", "°", DEGREES),
     _of_patch("area", lambda p: p.area, LONG, "mm²", 1e6),
     _of_patch("nodes", lambda p: len(p.areas), ""),
     _of_patch("adhering", lambda p: int(p.stick.sum()), ""),
-    _of_patch("largest pressure", lambda p: (p.pressing / p.areas).max(), LONG, "MPa", 1e-6),
+    _of_patch("largest pressure", lambda p: p.pressure.max(), LONG, "MPa", 1e-6),
     _of_patch("mean shear", _mean_shear, partial(number, digits=3, zeros=True), "MPa", 1e-6),
     _of_patch("θ", _theta, number, "°"),
 )

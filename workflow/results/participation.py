@@ -205,7 +205,9 @@ def participation(
     used, row = np.unique(pair.node, return_inverse=True)
     shapes = at_points(modes, (pair.reference(used) - centre) @ axes)
     sample = pair.sample
-    force = turned(pair.pressing + pair.traction, samples.t[sample], samples.spin) @ axes
+    force = (
+        turned(pair.normal_forces + pair.tangential_forces, samples.t[sample], samples.spin) @ axes
+    )
     generalised = np.array(
         [
             np.bincount(sample, np.einsum("ri,ri->r", shape[row], force), len(samples.t))

@@ -28,7 +28,7 @@ class PairSamples:
         normal, tangential: Totals, shape ``(k, 3)`` [N].
         start: First row of each sample among the nodes, and their number, shape ``(k + 1,)``.
         node: Mesh nodes, shape ``(m,)``.
-        pressing, traction: Their normal and tangential forces, shape ``(m, 3)`` [N].
+        normal_forces, tangential_forces: Their normal and tangential forces, shape ``(m, 3)`` [N].
         body: Body of the contactor.
         surface: Its mesh nodes, ascending, shape ``(nc,)``.
         places: Their reference positions, shape ``(nc, 3)`` [m].
@@ -38,8 +38,8 @@ class PairSamples:
     tangential: Array
     start: npt.NDArray[np.int64]
     node: npt.NDArray[np.int64]
-    pressing: Array
-    traction: Array
+    normal_forces: Array
+    tangential_forces: Array
     body: str
     surface: npt.NDArray[np.int64]
     places: Array
@@ -129,8 +129,8 @@ def _pair(group: Any) -> PairSamples:
         tangential=group["tangential_force"][:],
         start=np.concatenate([[0], np.cumsum(nodal["count"][:])]),
         node=nodal["node"][:].astype(np.int64),
-        pressing=nodal["normal_force"][:].astype(np.float64),
-        traction=nodal["tangential_force"][:].astype(np.float64),
+        normal_forces=nodal["normal_force"][:].astype(np.float64),
+        tangential_forces=nodal["tangential_force"][:].astype(np.float64),
         body=str(group.attrs["body"]),
         surface=group["surface/node"][:].astype(np.int64),
         places=group["surface/place"][:],

@@ -77,7 +77,7 @@ def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _patches(record: Record) -> Iterator[tuple[str, float]]:
-    """Yield contact angle and θ of each patch where it was last seen, and the vertical force."""
+    """Yield vertical force, and contact angle and θ [°] of each patch where it was last seen."""
     if not record.contacts:
         return
     contact = next(iter(record.contacts.values()))
@@ -87,11 +87,11 @@ def _patches(record: Record) -> Iterator[tuple[str, float]]:
         if contact.two_points.any():
             yield "second_patch_at", float(contact.t[int(np.argmax(contact.two_points))])
         for place in (1, 2):
-            for name, quantity in ((f"angle_{place}", "angle"), (f"theta_{place}", "shear_angle")):
-                seen = contact.series(place, quantity)
+            for name, quantity in (("angle", "contact_angle"), ("theta", "shear_angle")):
+                seen = np.degrees(contact.series(place, quantity))
                 seen = seen[np.isfinite(seen)]
                 if len(seen):
-                    yield name, float(seen[-1])
+                    yield f"{name}_{place}", float(seen[-1])
 
 
 def write(table: Sequence[Row], path: Path) -> Path:

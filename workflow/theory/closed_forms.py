@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.figures.style import Array
-from workflow.results.record import Patch, Record
+from workflow.results.record import PatchNodes, Record
 
 if TYPE_CHECKING:
     from contact.theory.closed_forms import Hertz
@@ -64,7 +64,7 @@ class Smooth:
             return hertz_line(load, self.radii[0], self.modulus)
         return hertz_ellipse(load, *self.radii, self.modulus)
 
-    def local(self, patch: Patch) -> Array:
+    def local(self, patch: PatchNodes) -> Array:
         """Return the positions of contact nodes from the centre of the contact, ``(n, 2)`` [m]."""
         centre = np.where(self.halved, 0.0, patch.centre[:2])
         return np.asarray(patch.position[:, :2] - centre)
