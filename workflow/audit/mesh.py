@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a mesh is worth to an explicit run: sizes, shapes, masses, and which cells set the step."""
 
-import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -15,6 +13,7 @@ import numpy.typing as npt
 
 from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
+from meshes.arrays import Array
 from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
 from meshes.quads import enclosed_volume
@@ -24,9 +23,7 @@ from workflow.model.geometry import domain_of
 from workflow.model.step import step_bound
 from workflow.model.track import connections
 from workflow.results.table import Column, Table
-from workflow.scene.scene import Scene, SceneError
-
-Array = npt.NDArray[np.float64]
+from workflow.scene.scene import Scene
 
 STIFFEST = 8  # cells that are listed
 EDGES = np.array(
@@ -155,20 +152,6 @@ def _cell(found: MeshReport, cell: int) -> dict[str, Any]:
         "edges": [float(length.min()), float(length.max())],
         "scaled_jacobian": float(found.jacobians[cell]),
     }
-
-
-def write(found: MeshReport, folder: Path) -> list[Path]:
-    """Write ``mesh.json`` and ``mesh.png`` into a folder and return their paths."""
-    from workflow.audit.figures import mesh_quality
-    from workflow.figures import style
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "mesh.json").write_text(json.dumps(summary(found), indent=1), "utf-8")
-    except OSError as error:
-        raise SceneError(f"--out {folder}: expected a folder to write to: {error}") from None
-    with style.style():
-        return [folder / "mesh.json", style.save(mesh_quality(found), folder / "mesh.png")]
 
 
 def printout(found: MeshReport) -> Iterator[str | Table]:
