@@ -190,7 +190,7 @@ def test_two_ranks_sample_the_same(sampled, tmp_path):
     np.testing.assert_array_equal(one.t, two.t)
     for name, motion in one.motion.items():
         np.testing.assert_allclose(two.motion[name], motion, atol=1e-10 * np.abs(motion).max())
-    for key in ("normal", "pressing", "places"):
+    for key in ("normal", "normal_forces", "places"):
         a, b = (getattr(x.pairs["wall"], key) for x in (one, two))
         np.testing.assert_allclose(a, b, atol=1e-7 * np.abs(a).max())
     np.testing.assert_array_equal(one.pairs["wall"].node, two.pairs["wall"].node)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.audit.mesh import MeshReport, summary
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import EDGE, Frame, volume
 from workflow.scene import SceneError
 

@@ -24,13 +24,12 @@ from contact.springs import Springs, springs
 from forms.kernel import CellKernel
 from forms.springs.step_bound import NONE, as_springs, attached, joined
 from forms.time_step import largest_eigenvalue
+from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.model import Model
 from workflow.model.step import step_bound
 from workflow.scene.settings import Contact
-
-Array = npt.NDArray[np.float64]
 
 # of the frequency, upwards: what is asked is overstated by at most twice as much
 TOLERANCE, ROUGH, LARGE = 2e-3, 5e-3, 100_000  # rough from so many dofs on

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
+from meshes.arrays import Array
 from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
 from meshes.quads import enclosed_volume
@@ -23,8 +24,6 @@ from workflow.model.step import step_bound
 from workflow.model.track import connections
 from workflow.results.table import Column, Table
 from workflow.scene.scene import Scene
-
-Array = npt.NDArray[np.float64]
 
 STIFFEST = 8  # cells that are listed
 EDGES = np.array(

@@ -5,9 +5,7 @@ import json
 import os
 import platform
 import shlex
-import shutil
 import subprocess
-import sys
 import sysconfig
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
@@ -27,6 +25,7 @@ from forms.simd import native
 from workflow.bench import roofline
 from workflow.bench import speed_cases as cases
 from workflow.results.table import Column, Table
+from workflow.simulation.ranks import mpi_command
 
 TIMEOUT = 300  # for one run on ranks [s]
 PER_RUN = 3  # rounds of steps in each of these runs
@@ -103,32 +102,21 @@ def ranks(n: int, count: int) -> dict[str, Any] | None:
         n: Cells along each edge of the block.
         count: Runs of each, in turn.
     """
-    beside = Path(sys.executable).with_name("mpiexec")
-    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if launcher is None:
-        return None
     rates: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(count):
-        for number in rates:
-            command = [
-                launcher,
-                "-n",
-                str(number),
-                sys.executable,
-                "-m",
-                "workflow.bench.speed_cases",
-            ]
-            try:
+    module = ["-m", "workflow.bench.speed_cases", str(n), str(PER_RUN)]
+    try:
+        for _ in range(count):
+            for number, found in rates.items():
                 done = subprocess.run(
-                    [*command, str(n), str(PER_RUN)],
+                    mpi_command(number, module),
                     check=True,
                     capture_output=True,
                     text=True,
                     timeout=TIMEOUT,
                 )
-            except (subprocess.SubprocessError, OSError):
-                return None
-            rates[number].append(json.loads(done.stdout.splitlines()[-1])["rate"])
+                found.append(json.loads(done.stdout.splitlines()[-1])["rate"])
+    except (subprocess.SubprocessError, OSError):
+        return None
     one, two = np.array(rates[1]), np.array(rates[2])
     return {
         "cells": n**3,

@@ -23,12 +23,12 @@ from workflow.cli.options import (
     catalogue,
     examples,
     fail,
-    in_mpi,
     load,
     on_ranks,
     scene_of,
 )
 from workflow.scene.scene import Scene, SceneError, names
+from workflow.simulation.ranks import in_mpi
 
 app = typer.Typer(
     help="Explicit finite elements for wheel-rail rolling contact. A scene (TOML, SI units) goes "

@@ -3,7 +3,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,6 +14,7 @@ import typer
 
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.units import takes_text
+from workflow.simulation.ranks import mpi_command
 
 if TYPE_CHECKING:
     from workflow.results.table import Table
@@ -80,11 +80,6 @@ def scene_of(out: Path | None, resume: bool) -> str:
     return str(out / "scene.toml")
 
 
-def in_mpi() -> bool:
-    """Tell whether this process was started by mpiexec or srun."""
-    return any(k in os.environ for k in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
-
-
 def on_ranks(
     ranks: int,
     scene: str,
@@ -94,20 +89,10 @@ def on_ranks(
     verb: tuple[str, ...] = ("run",),
 ) -> int:
     """Start this very command under ``mpiexec`` and return its exit code."""
-    beside = Path(sys.executable).with_name("mpiexec")
-    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if launcher is None:
-        raise SceneError(f"--ranks {ranks}: expected mpiexec beside python or on PATH")
-    command = [
-        launcher,
-        "-n",
-        str(ranks),
-        sys.executable,
-        "-m",
-        "workflow.cli",
-        *verb,
-        scene,
-    ]
+    try:
+        command = mpi_command(ranks, ["-m", "workflow.cli", *verb, scene])
+    except FileNotFoundError as error:
+        raise SceneError(f"--ranks {ranks}: {error}") from None
     for change in changes or []:
         command += ["--set", change]
     command += ["--out", str(folder)] + ["--json"] * as_json

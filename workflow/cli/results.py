@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli.options import Json, answer, examples, in_mpi, progress
+from workflow.cli.options import Json, answer, examples, progress
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
 

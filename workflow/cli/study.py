@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from workflow.cli.options import EXIT, Changes, Json, answer, catalogue, examples, in_mpi, parsed
+from workflow.cli.options import EXIT, Changes, Json, answer, catalogue, examples, parsed
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
 

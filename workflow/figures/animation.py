@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.footprint import boxes, development, undeformed
 from workflow.figures.section import cut, row
-from workflow.figures.style import Array
 from workflow.results.record import Contact, PatchNodes, Record
 
 if TYPE_CHECKING:

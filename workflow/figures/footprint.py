@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import EDGE, Frame, halved, surface
 from workflow.results.record import STEEP, Body, Contact, PatchNodes, Record
 

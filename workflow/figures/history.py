@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST
-from workflow.figures.style import Array
 from workflow.results.record import STEEP, Contact, Record
 from workflow.theory.closed_forms import closed_forms
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import Frame, add_regions, halved, mesh_picture
 from workflow.results.record import RAIL, Body, Record
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import volume
 from workflow.results.record import RAIL, Body, Contact, PatchNodes, Record
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact.footprint import contact_angle
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST, centre_row
-from workflow.figures.style import Array
 from workflow.results import spectra
 from workflow.results.participation import (
     ModeShapes,

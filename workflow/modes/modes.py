@@ -15,9 +15,9 @@ from mpi4py import MPI
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 import tomli_w
 
+from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
 from meshes.tags import Tag
 from workflow.model.bodies import Bodies
@@ -30,8 +30,6 @@ from workflow.results.writer import gather
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.run import checked
-
-Array = npt.NDArray[np.float64]
 
 FOURIER = "wheel_modes_fourier.csv"
 

@@ -9,14 +9,13 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from workflow.model.geometry import mesh_of, placement_of, profile
 from workflow.model.supports import axle, supports, surface_nodes
 from workflow.scene.mesh import FileMesh, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
-
-Array = npt.NDArray[np.float64]
 
 WHEEL = "wheel"
 WHEEL_REGIONS = ("tyre", "web", "hub")

@@ -20,11 +20,10 @@ from dolfinx.fem.petsc import assemble_matrix
 
 from forms.kernel import compiled
 from forms.mass import lumped_mass
+from meshes.arrays import Array
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies
 from workflow.scene.scene import SceneError
-
-Array = npt.NDArray[np.float64]
 
 # petsc4py's stubs take this number for something else
 SYMMETRIC: Any = PETSc.Mat.Option.SYMMETRIC

@@ -29,6 +29,7 @@ from workflow.report.tables import (
 )
 from workflow.results import atomic
 from workflow.results.record import Record
+from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
 
 LINES = 200  # of the log that are shown at either end
@@ -208,30 +209,6 @@ def _same(name: str, changes: dict[str, Any], tables: dict[str, Any]) -> bool:
         return Scene.load(name, **changes).tables() == tables
     except SceneError:
         return False
-
-
-def differences(base: dict[str, Any], other: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the values by dotted key that make ``other`` of ``base``; None if keys would go.
-
-    Values that the options of a command cannot hold, lists of tables, make it None as well.
-    """
-    changes: dict[str, Any] = {}
-    if set(base) - set(other):
-        return None
-    for key, value in other.items():
-        if key in base and base[key] == value:
-            continue
-        if isinstance(value, dict):
-            inner = base.get(key, {})
-            below = differences(inner, value) if isinstance(inner, dict) else None
-            if below is None:
-                return None
-            changes |= {f"{key}.{k}": v for k, v in below.items()}
-        elif isinstance(value, list) and any(isinstance(v, dict) for v in value):
-            return None
-        else:
-            changes[key] = value
-    return changes
 
 
 def how_to_resume(folder: Path, summary: dict[str, Any]) -> str | None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The tables of a report: settings, model, patches, events, energies, seconds."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from workflow.results.record import PatchNodes, Record
 from workflow.results.table import PAIRS, Column, Table
+from workflow.scene.keys import flat, is_tables
 from workflow.scene.scene import Scene
 from workflow.scene.units import unit_of
 from workflow.simulation.energy import Energy
@@ -74,39 +75,25 @@ def settings(scene: Scene) -> list[Table]:
         if not _nested(value):
             continue
         several = isinstance(value, list) or key in ("bodies", "contacts", "driven")
-        inner = _items(value) if several else [("", value)]
-        groups |= {f"{key}.{name}".removesuffix("."): table for name, table in inner}
+        entries = dict(enumerate(value)) if isinstance(value, list) else value
+        groups |= {f"{key}.{n}": table for n, table in entries.items()} if several else {key: value}
     found = []
     for name, table in groups.items():
-        above = [] if name == "scene" else name.split(".")
-        rows = [_setting(above, keys, value) for keys, value in _leaves([], table)]
+        above = "" if name == "scene" else f"{name}."
+        leaves = [(key, value) for key, value in flat(table, lists=True) if value != {}]
+        rows = [(key, _plain(value), _unit(above + key)) for key, value in leaves]
         found.append(Table(name, SETTING, rows))
     return [table for table in found if table.rows]
 
 
-def _items(value: Any) -> list[tuple[str, Any]]:
-    return list(value.items()) if isinstance(value, dict) else [
-        (str(k), v) for k, v in enumerate(value)
-    ]  # fmt: skip
-
-
 def _nested(value: Any) -> bool:
-    return isinstance(value, dict) or (
-        isinstance(value, list) and any(isinstance(v, dict) for v in value)
-    )
+    return isinstance(value, dict) or is_tables(value)
 
 
-def _leaves(keys: list[str], value: Any) -> Iterator[tuple[list[str], Any]]:
-    if not _nested(value):
-        yield keys, value
-        return
-    for key, inner in _items(value):
-        yield from _leaves([*keys, key], inner)
-
-
-def _setting(above: list[str], keys: list[str], value: Any) -> tuple[str, ...]:
-    unit = unit_of(Scene, [*above, *keys]).replace("^2", "²").replace("^3", "³")
-    return ".".join(keys), _plain(value), "" if unit == "-" else unit
+def _unit(key: str) -> str:
+    """Return the unit of a key of a scene, empty for a pure number."""
+    unit = unit_of(Scene, key.split(".")).replace("^2", "²").replace("^3", "³")
+    return "" if unit == "-" else unit
 
 
 def _plain(value: Any) -> str:
@@ -153,9 +140,9 @@ def model_table(record: Record, summary: dict[str, Any]) -> Table:
 def other_table(summary: dict[str, Any]) -> Table | None:
     """Return whatever else a run tells in its summary, e.g. memory or laws of the user's own."""
     rows: list[tuple[str, ...]] = [
-        (".".join(keys).replace("_", " "), _plain(value))
-        for key in summary.keys() - KNOWN
-        for keys, value in _leaves([key], summary[key])
+        (key.replace("_", " "), _plain(value))
+        for key, value in flat({k: v for k, v in summary.items() if k not in KNOWN}, lists=True)
+        if value != {}
     ]
     return Table("Further", PAIRS, sorted(rows)) if rows else None
 

@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.footprint import contact_angle, frame_of, shear_angle
+from meshes.arrays import Array
 from meshes.tags import NAMES, Tag
 from workflow.scene.scene import Scene
-
-Array = npt.NDArray[np.float64]
 
 RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
 STEEP = np.pi / 4  # contact angle from which on a patch counts as gauge corner [rad]

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
@@ -135,18 +135,3 @@ def _pair(group: Any) -> PairSamples:
         surface=group["surface/node"][:].astype(np.int64),
         places=group["surface/place"][:],
     )
-
-
-def extend(group: Any, name: str, values: npt.NDArray[Any], unit: str) -> Any:
-    """Add rows to a column of an open results file; return the column."""
-    if name not in group:
-        shape = values.shape[1:]
-        data = group.create_dataset(
-            name, (0, *shape), maxshape=(None, *shape), dtype=values.dtype, chunks=(1024, *shape)
-        )
-        data.attrs["units"] = unit
-    data, n = group[name], len(values)
-    if n:
-        data.resize(len(data) + n, axis=0)
-        data[-n:] = values
-    return data

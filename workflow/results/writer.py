@@ -13,6 +13,7 @@ import tomli_w
 
 from meshes.domain import Domain
 from workflow.results import atomic
+from workflow.results.columns import extend
 from workflow.results.fields import FieldWriter
 from workflow.results.folder import Resume, cut, on_root
 from workflow.results.patches import append_events, append_patches
@@ -89,7 +90,7 @@ class Results:
 
         def change(file: h5py.File) -> None:
             for name, value in history.items():
-                _append(file["history"], name, value)
+                extend(file["history"], name, [float(value)], unit(name))
             for name, footprint in footprints.items():
                 self._append_contact(file, name, history["t"], footprint, motions[name])
 
@@ -175,15 +176,6 @@ def gather(domain: Domain, local: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     for nodes, values in parts or ():
         out[nodes] = values
     return out
-
-
-def _append(group: Any, name: str, value: float) -> None:
-    if name not in group:
-        data = group.create_dataset(name, shape=(0,), maxshape=(None,), dtype="f8", chunks=(1024,))
-        data.attrs["units"] = unit(name)
-    data = group[name]
-    data.resize(len(data) + 1, axis=0)
-    data[-1] = value
 
 
 def unit(name: str) -> str:

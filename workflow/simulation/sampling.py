@@ -22,7 +22,8 @@ from meshes.domain import Domain
 from meshes.quads import area_shares
 from workflow.model import Model
 from workflow.model.regions import facets, surface_nodes
-from workflow.results.samples import UNITS, extend
+from workflow.results.columns import extend
+from workflow.results.samples import UNITS
 from workflow.results.writer import Results
 from workflow.scene import SceneError
 from workflow.scene.settings import Probe

@@ -18,17 +18,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.theory.closed_forms import hertz_line, hertz_sphere
+from meshes.arrays import Array
 from workflow.model.model import Model
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import CapMesh, CurvedMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.guards import GuardError
 from workflow.stability.cases import BASES, CELL, HEIGHT, QUIET, RHO, SPEED, Case, cases
-
-Array = npt.NDArray[np.float64]
 
 TOLERANCES = {
     "normal force": 0.02,

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST
-from workflow.figures.style import Array
 from workflow.results.record import Contact, Record
 from workflow.study.table import Row, front, grouped, parameters, shipped
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.creepage import rigid_motion
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import Expected, expected, softened
+from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
@@ -29,7 +29,6 @@ from workflow.scene.scene import Scene
 if TYPE_CHECKING:
     from workflow.model.model import Model
 
-Array = npt.NDArray[np.float64]
 
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
 ON = 2e-4  # a node nearer to the drawn surface than this is on it [m]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.figures.style import Array
+from meshes.arrays import Array
 from workflow.results.record import PatchNodes, Record
 
 if TYPE_CHECKING:

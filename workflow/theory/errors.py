@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.theory.closed_forms import bar_impact, carter_creepage, cattaneo_mindlin
-from workflow.figures.style import Array
+from meshes.arrays import Array
 from workflow.results.record import PatchNodes, Record
 from workflow.results.samples import read as read_samples
 from workflow.scene.bodies import Isotropic
