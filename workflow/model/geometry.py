@@ -74,7 +74,7 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
         pass
 
         return mesh_from_file(scene, mesh, log)
-    from meshes.shapes import blocks
+    from meshes.shapes import blocks, caps
 
     if isinstance(mesh, BarMesh):
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
@@ -83,8 +83,8 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     if isinstance(mesh, CurvedMesh):
         return curved_on_curved(mesh), None
     assert isinstance(mesh, CapMesh)
-    cap = blocks.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
-    return join(cap, blocks.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
+    cap = caps.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
+    return join(cap, caps.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
 
 
 def block_on_base(mesh: BlocksMesh) -> HexMesh:
