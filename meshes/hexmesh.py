@@ -61,6 +61,15 @@ class HexMesh:
         """Return the same mesh with its nodes at ``points``, shape ``(n, 3)`` [m]."""
         return replace(self, points=np.ascontiguousarray(points, dtype=np.float64))
 
+    def nodes(self, *tags: int) -> npt.NDArray[np.int64]:
+        """Return the nodes of the cells in any of the regions ``tags``, ascending."""
+        return np.unique(self.cells[np.isin(self.regions, tags)])
+
+    def region_at(self, node: int) -> str:
+        """Return the name of the region that a node belongs to; that of the first, at a border."""
+        cell = int(np.flatnonzero((self.cells == node).any(axis=1))[0])
+        return self.name(int(self.regions[cell]))
+
     def surface(self, *tags: int) -> npt.NDArray[np.int64]:
         """Return the quads that carry any of ``tags``, shape ``(q, 4)``."""
         return self.facets[np.isin(self.surfaces, tags)]

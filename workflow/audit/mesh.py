@@ -13,7 +13,6 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
 from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
@@ -93,8 +92,7 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
     frequencies = np.empty(len(mesh.cells))
     own = cell_frequencies(domain.V, bodies.internal_work, bodies.mass)
     frequencies[domain.msh.topology.original_cell_index[: len(own)]] = own
-    densities = {bodies.tags(b): b.material.density for b in scene.bodies.values()}
-    mass = lumped_mass(domain.V, bodies.dx, densities)
+    mass = bodies.lumped_mass()
     volume = cell_volumes(mesh.points, mesh.cells)
     counted = {}
     for name, body in scene.bodies.items():

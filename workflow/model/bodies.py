@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 
 from forms import elements
@@ -12,6 +13,7 @@ from forms.cells import one_point
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
 from forms.kernel import Array
+from forms.mass import lumped_mass
 from forms.springs.connections import Connections
 from forms.springs.step_bound import NONE, Attached, as_springs, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency
@@ -44,6 +46,16 @@ class Bodies:
     def tags(self, body: Body) -> tuple[int, ...]:
         """Return the region tags of the mesh that make a body."""
         return self.domain.source.tags(body.regions)
+
+    def dofs(self, name: str) -> npt.NDArray[np.int32]:
+        """Return the owned dof blocks of the body called ``name``."""
+        return self.domain.region_dofs(self.scene.bodies[name].regions)
+
+    def lumped_mass(self) -> Array:
+        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
+        bodies = self.scene.bodies.values()
+        densities = {self.tags(body): body.material.density for body in bodies}
+        return lumped_mass(self.domain.V, self.dx, densities)
 
     def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
         """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""

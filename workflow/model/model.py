@@ -15,12 +15,11 @@ from dolfinx import fem, la
 from forms.elements import Law
 from forms.kernel import CellIntegral, CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping
-from forms.mass import lumped_mass
 from forms.springs.connections import Connections
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies, step_bound
 from workflow.model.geometry import domain_of
-from workflow.model.supports import Supports, attach, dead_load, nodes_of, supports
+from workflow.model.supports import Supports, attach, dead_load, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene.scene import Scene
 from workflow.simulation.progress import Clock
@@ -97,10 +96,6 @@ class Model:
         if add == self.internal.add or (self.viscosity and add == self.viscosity.add):
             return "internal_force"
         return "contact" if any(add == pair.add for pair in self.pairs.values()) else "update"
-
-    def body_dofs(self, body: str) -> npt.NDArray[np.int32]:
-        """Return the owned dof blocks of a body."""
-        return nodes_of(self.domain, self.scene.bodies[body].regions)
 
 
 class InternalForce:
@@ -195,10 +190,8 @@ def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model
     V, comm, precision = domain.V, domain.msh.comm, scene.time.precision
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     state.a.array[:] = 0.0
-    entries = scene.bodies.values()
-    densities = {bodies.tags(body): body.material.density for body in entries}
     mass = la.vector(V.dofmap.index_map, 3)
-    mass.array[:] = lumped_mass(V, bodies.dx, densities)
+    mass.array[:] = bodies.lumped_mass()
     u, v, w = state.u, state.v, ufl.TestFunction(V)
     damped = any(b.stiffness_damping for b in scene.bodies.values())
     hourglass, viscous = bodies.hourglass_energy(u), bodies.viscous_work(u, v, w)

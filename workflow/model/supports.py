@@ -63,13 +63,6 @@ class Supports:
         return groups
 
 
-def nodes_of(domain: Domain, names: list[str]) -> Dofs:
-    """Return the owned dof blocks of the cells in the regions called ``names``."""
-    cells = np.isin(domain.source.regions, domain.source.tags(names))
-    dofs = domain.local_dofs(np.unique(domain.source.cells[cells]))
-    return dofs[dofs >= 0]
-
-
 def axle(scene: Scene) -> Array:
     """Return the unit vector along the axle, at its angle of attack and roll, shape ``(3,)``."""
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
@@ -127,7 +120,7 @@ def mass_damping(model: "Model") -> MassDamping:
     owned = model.domain.owned
     alpha = np.zeros((owned, 1))
     for body, entry in model.scene.bodies.items():
-        alpha[model.body_dofs(body)] = entry.mass_damping
+        alpha[model.bodies.dofs(body)] = entry.mass_damping
     nodal = (model.mass.array.reshape(-1, 3)[:owned] * alpha).ravel()
     return MassDamping(model.domain.msh.comm, nodal, model.dt)
 
@@ -174,7 +167,7 @@ def drive(model: "Model", normal_force: float, radius: float) -> DriveTorque:
     """
     rolling, domain = model.scene.rolling, model.domain
     assert rolling is not None
-    dofs = nodes_of(domain, [rolling.driven_region])
+    dofs = domain.region_dofs([rolling.driven_region])
     return DriveTorque(
         comm=domain.msh.comm,
         dofs=dofs,

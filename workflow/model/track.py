@@ -15,7 +15,7 @@ from meshes.domain import Domain
 from meshes.formats.conform import faces_on
 from meshes.quads import area_shares
 from meshes.wheel_rail import seats, sleepers
-from workflow.model.regions import facets, surface_nodes
+from workflow.model.regions import facets, owners, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
@@ -208,8 +208,8 @@ def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
         return set()
     mesh, on = domain.source, np.zeros(len(domain.source.points), dtype=bool)
     on[surface_nodes(domain, scene.track.sleeper_top)] = True
-    regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
-    return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
+    regions, body_of = np.unique(mesh.regions[on[mesh.cells].any(axis=1)]), owners(scene)
+    return {body_of[mesh.name(int(tag))] for tag in regions}
 
 
 def follow(model: "Model") -> None:

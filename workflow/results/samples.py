@@ -15,6 +15,8 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from workflow.model.regions import body_at
+
 if TYPE_CHECKING:
     from workflow.simulation.sampling import Sampling
 
@@ -98,15 +100,15 @@ def append(file: Any, sampling: "Sampling", arrays: dict[str, npt.NDArray[Any]])
         root.attrs["about"] = "means over windows of that length [s], t in their middle"
         describe_rolling(root, sampling)
     _extend(root, "t", arrays["t"], "s")
-    points = sampling.model.domain.source.points
+    scene, mesh = sampling.model.scene, sampling.model.domain.source
     for i, gauge in enumerate(sampling.gauges):
         name, kind = gauge.probe.name, gauge.probe.quantity
         data = _extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
         if "quantity" not in data.attrs:
             data.attrs["quantity"] = kind
             data.attrs["nodes"] = len(gauge.nodes)
-            data.attrs["place"] = points[gauge.nodes].mean(axis=0)
-            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
+            data.attrs["place"] = mesh.points[gauge.nodes].mean(axis=0)
+            data.attrs["body"] = body_at(scene, mesh, int(gauge.nodes[0]))
     for name in sampling.touches:
         group = root.require_group(f"contact/{name}")
         if "surface" not in group:
@@ -132,18 +134,11 @@ def describe_rolling(root: Any, sampling: "Sampling") -> None:
 
 def describe_surface(group: Any, sampling: "Sampling", pair: str) -> None:
     """Note body, nodes and reference positions of the contactor of a pair."""
-    contactor = sampling.touches[pair].side.contactor
+    contactor, mesh = sampling.touches[pair].side.contactor, sampling.model.domain.source
     order = np.argsort(contactor.nodes)
-    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
+    group.attrs["body"] = body_at(sampling.model.scene, mesh, int(contactor.nodes[0]))
     group["surface/node"] = contactor.nodes[order].astype(np.int32)
-    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
-
-
-def body_of(sampling: "Sampling", node: int) -> str:
-    """Return the name of the body that a mesh node belongs to."""
-    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
-    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
-    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])
+    group["surface/place"] = mesh.points[contactor.nodes[order]]
 
 
 def cut(file: Any, rows: int) -> None:

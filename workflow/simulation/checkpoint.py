@@ -35,7 +35,6 @@ from typing import TYPE_CHECKING
 import numpy.typing as npt
 from dolfinx import la
 
-from workflow.results.writer import gather
 from workflow.simulation.energy import Energy
 from workflow.simulation.prescribed import moves
 
@@ -258,7 +257,7 @@ def collect(model: "Model", ledger: "Ledger", trackers: Mapping[str, Any]) -> Ar
     """
     state, domain, comm = model.state, model.domain, model.domain.msh.comm
     fields = {"u": state.u.x.array, "v": state.v.x.array, "a": state.a.array}
-    arrays = {name: gather(domain, local) for name, local in fields.items()}
+    arrays = {name: domain.gather(local) for name, local in fields.items()}
     arrays["time"] = np.array([state.t, state.step])
     for name, owner, attribute in sums(model):
         arrays[f"sum/{name}"] = np.array(comm.allgather(getattr(owner, attribute)))
@@ -272,7 +271,7 @@ def collect(model: "Model", ledger: "Ledger", trackers: Mapping[str, Any]) -> Ar
         for i, carried in enumerate(model.drives.carried):
             local = np.zeros(3 * domain.owned)
             local.reshape(-1, 3)[carried.dofs] = carried.reaction
-            arrays[f"driven/{i}/reaction"] = gather(domain, local)
+            arrays[f"driven/{i}/reaction"] = domain.gather(local)
             arrays[f"driven/{i}/centre"] = carried.centre
     sampled = {} if model.sampling is None else {"": model.sampling}
     for kind, parts in (("pair", model.pairs), ("tracker", trackers), ("samples", sampled)):

@@ -71,7 +71,7 @@ def equilibrium(
 def move(model: Model, body: str, shift: Array) -> None:
     """Displace a whole body rigidly by ``shift``, shape ``(3,)`` [m]."""
     u = model.state.u.x
-    u.array.reshape(-1, 3)[model.body_dofs(body)] += shift
+    u.array.reshape(-1, 3)[model.bodies.dofs(body)] += shift
     u.scatter_forward()
 
 

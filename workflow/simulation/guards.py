@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from workflow.model.regions import owners
+
 if TYPE_CHECKING:
     from contact.pair import ContactPair
     from workflow.model.model import Model
@@ -36,13 +38,10 @@ def check_finite(model: "Model") -> None:
 
 def place(model: "Model", dof: int) -> str:
     """Return in words which body and node an owned dof block belongs to, and where it is."""
-    domain = model.domain
-    node = int(domain.nodes[dof])
-    cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
-    region = domain.source.name(int(domain.source.regions[cell]))
-    bodies = model.scene.bodies.items()
-    body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
-    x, y, z = domain.source.points[node]
+    mesh, node = model.domain.source, int(model.domain.nodes[dof])
+    region = mesh.region_at(node)
+    body = owners(model.scene)[region]
+    x, y, z = mesh.points[node]
     return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 

@@ -46,7 +46,7 @@ def start(model: Model, log: Callable[[str], Any]) -> None:
     v = model.state.v.x.array.reshape(-1, 3)
     for name, body in scene.bodies.items():
         if body.velocity is not None:
-            v[model.body_dofs(name)] = body.velocity
+            v[model.bodies.dofs(name)] = body.velocity
     model.supports(model.state.v.x)
     if scene.rolling is not None:
         from workflow.simulation import rolling

@@ -150,7 +150,7 @@ def start(model: "Model") -> None:
     v = model.state.v.x.array.reshape(-1, 3)
     flows, x = {}, ufl.SpatialCoordinate(model.domain.msh)
     for carried in hold.carried:
-        dofs = model.body_dofs(carried.body)
+        dofs = model.bodies.dofs(carried.body)
         v[dofs] = carried.rigid(dofs)
         if carried.entry.steady_start:
             flows[carried.body] = carried.flow(x)

@@ -47,7 +47,7 @@ def centrifugal(model: Model) -> Array:
     rolling = model.scene.rolling
     assert rolling is not None
     force = np.zeros((model.domain.owned, 3))
-    dofs, omega = model.body_dofs(rolling.body), spin(model)
+    dofs, omega = model.bodies.dofs(rolling.body), spin(model)
     r = model.domain.V.tabulate_dof_coordinates()[dofs] - np.array(model.placement.centre)
     force[dofs] = -model.mass.array[::3][dofs, None] * np.cross(omega, np.cross(omega, r))
     return force.ravel()
@@ -69,7 +69,7 @@ def start(model: Model) -> None:
     if rolling.steady_start:
         v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
         follow(model)
-    dofs = model.body_dofs(rolling.body)
+    dofs = model.bodies.dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
     state.v.x.scatter_forward()

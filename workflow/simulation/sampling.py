@@ -43,7 +43,7 @@ def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
     if probe.surface is not None:
         nodes = surface_nodes(domain, probe.surface)
     elif probe.region is not None:
-        nodes = np.unique(source.cells[np.isin(source.regions, source.tags([probe.region]))])
+        nodes = source.nodes(source.tag(probe.region))
     else:
         nodes = np.unique(source.cells)
     if probe.point is not None:
