@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 
+from meshes.arrays import Array, Index
 from meshes.hexmesh import HexMesh
 
 # Node order of a DOLFINx (tensor-product) hexahedron in terms of the VTK order.
@@ -36,10 +37,10 @@ class Domain:
     V: dolfinx.fem.FunctionSpace
     regions: dolfinx.mesh.MeshTags
     source: HexMesh
-    nodes: npt.NDArray[np.int64]
+    nodes: Index
     owned: int
 
-    def local_dofs(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    def local_dofs(self, nodes: Index) -> npt.NDArray[np.int32]:
         """Return the owned dof block of each HexMesh node, -1 where another rank owns it."""
         dof = np.full(len(self.source.points), -1, dtype=np.int32)
         dof[self.nodes[: self.owned]] = np.arange(self.owned, dtype=np.int32)
@@ -50,7 +51,7 @@ class Domain:
         dofs = self.local_dofs(self.source.nodes(*self.source.tags(names)))
         return dofs[dofs >= 0]
 
-    def gather(self, local: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def gather(self, local: npt.NDArray[Any]) -> Array:
         """Return a local vector field by HexMesh node on rank 0, shape ``(n, 3)``; collective.
 
         Args:

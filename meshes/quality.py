@@ -4,13 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.generate.refine import edges_of
-from meshes.hexmesh import HexMesh, boundary
+from meshes.arrays import Array, Index
+from meshes.hexmesh import HexMesh, boundary, edges_of
 from meshes.quads import enclosed_volume
-
-Array = npt.NDArray[np.float64]
 
 # The three neighbours of each node of a hexahedron, right-handed.
 NEIGHBOURS = np.array(
@@ -92,7 +89,7 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
     )
 
 
-def scaled_jacobians(points: Array, cells: npt.NDArray[np.int64]) -> Array:
+def scaled_jacobians(points: Array, cells: Index) -> Array:
     """Return the smallest determinant of unit edges over the nodes of each cell, ``(c,)``."""
     x = points[cells]
     edges = x[:, NEIGHBOURS] - x[:, :, None]
@@ -103,7 +100,7 @@ def scaled_jacobians(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     )
 
 
-def cell_volumes(points: Array, cells: npt.NDArray[np.int64]) -> Array:
+def cell_volumes(points: Array, cells: Index) -> Array:
     """Return the volume of each cell by 2 × 2 × 2 Gauss points, shape ``(c,)`` [m³]."""
     x = points[cells]
     total = np.zeros(len(x))

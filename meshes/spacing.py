@@ -2,9 +2,8 @@
 """Node positions along a line: graded from one end, or even in a zone and growing away from it."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 
 def positive(name: str, value: float | None) -> float:

@@ -2,7 +2,8 @@
 import numpy as np
 import pytest
 
-from meshes.generate.refine import edges_of, trisect
+from meshes.generate.refine import trisect
+from meshes.hexmesh import edges_of
 from meshes.hexmesh import FACES, boundary
 from meshes.profiles.from_points import from_points
 from meshes.profiles.placement import rail_in_track

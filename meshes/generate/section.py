@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.generate.smooth import smoothed
 from meshes.profiles.profiles import Profile
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

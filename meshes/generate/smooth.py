@@ -9,14 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
+from meshes.arrays import Array, Index
 from meshes.hexmesh import boundary
 from meshes.quality import NEIGHBOURS, scaled_jacobians
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 POWER = 4  # of the distortion that is summed; the higher, the more the poorest corners count
 FLOOR = 0.03  # of the regularised determinant

@@ -5,13 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.generate.refine import edges_of, trisect
+from meshes.arrays import Array, Index
+from meshes.generate.refine import trisect
 from meshes.generate.section import Band, Section
+from meshes.hexmesh import edges_of
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Place = Callable[[Array], Array]
 
 Y, Z, X, S, D = range(5)

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshes.profiles.profiles import Array, Profile
+from meshes.arrays import Array
+from meshes.profiles.profiles import Profile
 
 SPACING = 1e-5  # of the points of the rail that are compared; the gap is then exact to 1e-9 m
 

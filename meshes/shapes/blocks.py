@@ -7,13 +7,11 @@ Structured NumPy grids rather than gmsh: simpler here, and nodes lie exactly whe
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import FACES, HexMesh, boundary
 from meshes.spacing import graded, positive
 from meshes.tags import Tag
-
-Array = npt.NDArray[np.float64]
 
 # Surface tags of a box in the order of FACES.
 SIDES = (Tag.XMIN, Tag.XMAX, Tag.YMIN, Tag.YMAX, Tag.ZMIN, Tag.ZMAX)

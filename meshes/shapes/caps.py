@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
 from meshes.shapes.blocks import BASE_FACES, block, grid
 from meshes.spacing import graded, positive, zoned
 from meshes.tags import Tag
 
-Array = npt.NDArray[np.float64]
 Span = tuple[float, float]
 
 

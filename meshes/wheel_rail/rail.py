@@ -2,8 +2,8 @@
 """The rail as hexahedra, in the track and fine under the running surface of a zone."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.smooth import relaxed
 from meshes.generate.sweep import D, Swept, X, Z, Zone, extrude, levels_for, refine
 from meshes.hexmesh import HexMesh, boundary
@@ -13,8 +13,6 @@ from meshes.profiles.profiles import rail as drawn_rail
 from meshes.spacing import zoned
 from meshes.tags import Tag
 from meshes.wheel_rail.rail_section import completed, rail_section
-
-Array = npt.NDArray[np.float64]
 
 GROWTH = 1.25  # of cells along the rail outside of the zone
 REGIONS = (Tag.RAIL_HEAD, Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT, Tag.RAIL_FOOT, Tag.RAIL_FOOT)

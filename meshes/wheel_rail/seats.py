@@ -2,12 +2,9 @@
 """Where a rail rests: shares of nodes in a stretch of its foot, points of the surface below."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.quads import GAUSS, bilinear
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 BEYOND = 1.5  # farthest reference coordinate of a point beside a facet that still hangs on it
 

@@ -2,11 +2,9 @@
 """Web and hub of a wheel as blocks of its section: drawn with y along the axle and the radius."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import coons, spaced, straight
-
-Array = npt.NDArray[np.float64]
 
 
 def web_ends(wheel: dict[str, Array]) -> tuple[float, float]:

@@ -9,18 +9,16 @@ along the axle from the tape circle, which is centred at the origin.
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.sweep import D, X, Y, Z, revolve
 from meshes.hexmesh import HexMesh, boundary
+from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS
 from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.profiles.stations import flange_of
 from meshes.tags import Tag
 from meshes.wheel_rail.web import filleted, hub_blocks, web_block, web_ends
-
-Array = npt.NDArray[np.float64]
 
 LEAST_RIM = 0.045  # thickness of the rim under the tape circle
 ARC = 1.6  # cells at the rim are so many times longer than in the section

@@ -6,20 +6,19 @@ place of z); the sweep coordinate is the angle from the bottom. Hub and axle sha
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.smooth import relaxed
+from meshes.generate.stations import fine_tread, stations
 from meshes.generate.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.hexmesh import HexMesh, boundary
+from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS, TAPE
 from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.profiles.stations import fine_tread, flange_of, stations
 from meshes.tags import Tag
 from meshes.wheel_rail.axle import Axle, with_axle
 from meshes.wheel_rail.web import filleted, hub_blocks, web_block
-
-Array = npt.NDArray[np.float64]
 
 UPRIGHT = 10.0  # weight of columns at right angles to the running surface
 WEB_COLUMNS = 4

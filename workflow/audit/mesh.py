@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from forms.time_step import cell_frequencies
-from meshes.generate.refine import edges_of
-from meshes.hexmesh import HexMesh, boundary
+from meshes.hexmesh import HexMesh, boundary, edges_of
 from meshes.quads import enclosed_volume
 from meshes.quality import cell_volumes, scaled_jacobians
 from workflow.model.bodies import Bodies, step_bound

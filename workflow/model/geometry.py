@@ -48,7 +48,7 @@ def cell_size(scene: Scene, mesh: HexMesh) -> float:
     """Return the edge of the cells where bodies touch [m]; of a file, its shortest if not told."""
     if scene.mesh.size is not None:
         return scene.mesh.size
-    from meshes.generate.refine import edges_of
+    from meshes.hexmesh import edges_of
 
     edges, _ = edges_of(mesh.cells)
     return float(np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1).min())
@@ -194,7 +194,7 @@ def placement_of(scene: Scene) -> "Placement":
         SceneError: if a profile cannot be used or no lateral position leaves the flange gap.
     """
     from meshes.profiles import placement
-    from meshes.profiles.stations import flange_of
+    from meshes.profiles.features import flange_of
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
