@@ -67,6 +67,11 @@ class HexMesh:
         """Return what a tag is called, its number if it has no name."""
         return next((name for name, known in self.names.items() if known == tag), str(tag))
 
+    def counts(self, tags: npt.NDArray[np.int32]) -> dict[str, int]:
+        """Return how often each tag is among ``tags``, ``regions`` or ``surfaces``, by name."""
+        values, numbers = np.unique(tags, return_counts=True)
+        return {self.name(int(t)): int(n) for t, n in zip(values, numbers, strict=True)}
+
     def moved(self, points: Array) -> "HexMesh":
         """Return the same mesh with its nodes at ``points``, shape ``(n, 3)`` [m]."""
         return replace(self, points=np.ascontiguousarray(points, dtype=np.float64))

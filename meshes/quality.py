@@ -72,10 +72,8 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
         mesh: The mesh.
         density: Density of all its regions [kg/m³].
     """
-    edges, _ = edges_of(mesh.cells)
-    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
+    length = edge_lengths(mesh.points, mesh.cells)
     volume = float(cell_volumes(mesh.points, mesh.cells).sum())
-    tags, counts = np.unique(mesh.regions, return_counts=True)
     return Quality(
         cells=len(mesh.cells),
         nodes=len(mesh.points),
@@ -85,8 +83,14 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
         volume=volume,
         enclosed=enclosed_volume(mesh.points, boundary(mesh.cells)),
         mass=density * volume,
-        regions={mesh.name(int(tag)).upper(): int(n) for tag, n in zip(tags, counts, strict=True)},
+        regions={name.upper(): count for name, count in mesh.counts(mesh.regions).items()},
     )
+
+
+def edge_lengths(points: Array, cells: Index) -> Array:
+    """Return the length of every edge of the mesh, shape ``(e,)`` [m]."""
+    ends = points[edges_of(cells)[0]]
+    return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
 
 def scaled_jacobians(points: Array, cells: Index) -> Array:

@@ -97,8 +97,8 @@ def below(points: Array, quads: Index, at: Array) -> tuple[Index, Array]:
     for _ in range(12):  # Newton; one step on a parallelogram
         N, da, db = bilinear(place[..., 0], place[..., 1])
         off = at[:, None, :2] - np.einsum("kqi,kqid->kqd", N, corners)
-        (a, c), (b, d) = (np.moveaxis(np.einsum("kqi,kqid->kqd", g, corners), -1, 0)
-                          for g in (da, db))  # fmt: skip
+        slopes = (np.einsum("kqi,kqid->kqd", g, corners) for g in (da, db))
+        (a, c), (b, d) = (np.moveaxis(slope, -1, 0) for slope in slopes)
         place[..., 0] += (d * off[..., 0] - b * off[..., 1]) / (a * d - b * c)
         place[..., 1] += (a * off[..., 1] - c * off[..., 0]) / (a * d - b * c)
         place = np.clip(place, -10, 10)

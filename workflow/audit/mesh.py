@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from forms.time_step import cell_frequencies
-from meshes.hexmesh import HexMesh, boundary, edges_of
+from meshes.hexmesh import HexMesh, boundary
 from meshes.quads import enclosed_volume
-from meshes.quality import cell_volumes, scaled_jacobians
+from meshes.quality import cell_volumes, edge_lengths, scaled_jacobians
 from workflow.model.bodies import Bodies, step_bound
 from workflow.model.geometry import domain_of
 from workflow.model.track import connections
@@ -63,8 +63,7 @@ class MeshReport:
     @property
     def edges(self) -> Array:
         """Lengths of all edges, shape ``(e,)`` [m]."""
-        ends = self.mesh.points[edges_of(self.mesh.cells)[0]]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        return edge_lengths(self.mesh.points, self.mesh.cells)
 
     @property
     def stiffest(self) -> npt.NDArray[np.int64]:
@@ -119,10 +118,7 @@ def summary(found: MeshReport) -> dict[str, Any]:
         "cells": len(found.mesh.cells),
         "nodes": len(found.mesh.points),
         "bodies": {n: {"cells": c, "mass": m} for n, (c, m) in found.bodies.items()},
-        "regions": {
-            found.mesh.name(int(tag)): int(count)
-            for tag, count in zip(*np.unique(found.mesh.regions, return_counts=True), strict=True)
-        },
+        "regions": found.mesh.counts(found.mesh.regions),
         "edges": {"shortest": float(edges.min()), "longest": float(edges.max())},
         "scaled_jacobian": {
             "smallest": float(shapes.min()),

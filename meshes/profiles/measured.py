@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Profiles given as lists of points: worn, measured or drawn elsewhere."""
+"""Profiles from points: worn, measured or drawn elsewhere, given as an array or a text file."""
 
 from itertools import pairwise
 from pathlib import Path
