@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A :class:`HexMesh` distributed over the ranks as a DOLFINx mesh with a vector P1 space."""
+"""Distributed meshes: a :class:`HexMesh` over the ranks as DOLFINx mesh and vector P1 space."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

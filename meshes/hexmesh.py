@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A hexahedral mesh as plain arrays: what every mesher makes and DOLFINx is fed with."""
+"""Hexahedral meshes as plain arrays with tagged regions and surfaces."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace

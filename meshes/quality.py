@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figures of a hexahedral mesh: sizes, shapes, volume, mass."""
+"""Quality of hexahedral meshes: edge lengths, scaled Jacobians, volumes, mass."""
 
 from dataclasses import dataclass
 

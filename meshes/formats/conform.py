@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Making a foreign mesh fit: cells the right way round, facets found on them, stray nodes out."""
+"""Repair of read meshes: orientation of cells and facets, unused and coincident nodes."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mesh file of another program holds: points, hexahedra, quads, groups; read by meshio.
+"""Contents of mesh files: points, hexahedra, quads and groups, read by meshio.
 
 A group of hexahedra is a region. A group of quads is a surface, and so is a set of nodes: it means
 the outer facets all of whose nodes it holds. Integer data on cells, as formats without groups have

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Hexahedral meshes from and to files of other programs, with their groups as names."""
+"""Input and output of hexahedral meshes in formats of other programs, groups as names."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Columns of nodes along a running surface, found from its slope and curvature."""
+"""Columns of nodes along a running surface, placed by its bends, flange and gauge corner."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What of a wheel can touch a rail, and how far it is from it.
+"""Wheel contact locus and gap function.
 
 The rail is a prism along x and the wheel a surface of revolution about the yawed axle. Their
 shortest distance is normal to x, so it is met on the wheel where the normal has no x component:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where the wheel stands on the rail: first touch, flange gap, contact angles, rolling radius."""
+"""Placement of the wheel on the rail: first touch, flange gap, contact angles, rolling radius."""
 
 from dataclasses import dataclass
 from typing import Any

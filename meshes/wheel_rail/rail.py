@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The rail as hexahedra, in the track and fine under the running surface of a zone."""
+"""Rails in the track as hexahedra, fine under the running surface of a zone."""
 
 import numpy as np
 

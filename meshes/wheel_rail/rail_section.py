@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The section of a rail as quadrilaterals: any head on the web and foot of a standard rail."""
+"""Rail sections as quadrilaterals: any head on the web and foot of a standard rail."""
 
 from dataclasses import dataclass
 

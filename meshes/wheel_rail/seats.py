@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a rail rests: shares of nodes in a stretch of its foot, points of the surface below."""
+"""Rail seats: shares of the nodes in a stretch of the foot, bilinear weights on what is below."""
 
 import numpy as np
 
