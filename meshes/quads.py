@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
+
 Quads = npt.NDArray[np.integer[Any]]
 
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of the reference square

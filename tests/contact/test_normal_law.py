@@ -274,7 +274,7 @@ C = np.sqrt(E / RHO)
 
 def momentum(model, body):
     """Momentum of a body at t, shape ``(3,)`` [kg m/s]."""
-    dofs, state = model.body_dofs(body), model.state
+    dofs, state = model.bodies.dofs(body), model.state
     v = (state.v.x.array + model.dt / 2 * state.a.array).reshape(-1, 3)[dofs]
     return model.mass.array[::3][dofs] @ v
 

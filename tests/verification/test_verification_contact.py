@@ -25,7 +25,7 @@ C = np.sqrt(E / RHO)  # of a bar
 
 def motion(model: Model, body: str, axis: int) -> tuple[float, float]:
     """Mean displacement [m] and momentum [kg m/s] of a body along an axis, both at t."""
-    state, dofs = model.state, model.body_dofs(body)
+    state, dofs = model.state, model.bodies.dofs(body)
     v = state.v.x.array + model.dt / 2 * state.a.array
     m = model.mass.array[::3][dofs]
     u = state.u.x.array.reshape(-1, 3)[dofs, axis]
@@ -296,7 +296,7 @@ def pulled(share: float, ramp: float = 60e-6, end: float = 160e-6) -> dict:
     scene = Scene.load("sliding-block", **{"bodies.block.velocity": [0.0, 0.0, 0.0]})
     model = build(scene, MPI.COMM_SELF)
     start(model, lambda line: None)
-    dofs, pair = model.body_dofs("block"), model.pairs["face"]
+    dofs, pair = model.bodies.dofs("block"), model.pairs["face"]
     most = share * DECELERATION * model.mass.array[::3][dofs]
 
     def pull(state, force):

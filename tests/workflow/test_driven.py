@@ -93,7 +93,7 @@ def test_steady_start_lets_the_material_flow_through_the_pattern():
     """
     model = build(Scene.check(SMALL), MPI.COMM_SELF)
     start(model, lambda line: None)
-    X, dofs = model.domain.V.tabulate_dof_coordinates(), model.body_dofs("block")
+    X, dofs = model.domain.V.tabulate_dof_coordinates(), model.bodies.dofs("block")
     row = dofs[(np.abs(X[dofs, 1]) < 1e-9) & (np.abs(X[dofs, 0]) < 0.0041)]
     depths = np.unique(X[row, 2].round(9))
     row = row[np.isclose(X[row, 2], depths[len(depths) // 2])]

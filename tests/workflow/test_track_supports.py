@@ -95,7 +95,7 @@ def test_all_parts_of_a_solid_track(tmp_path):
     np.testing.assert_allclose(ballast.stiffness.sum(axis=0), [0, 0, 3 * BALLAST])
     np.testing.assert_allclose(ballast.damping.sum(axis=0), [0, 0, 3 * 32e3])
     assert (ballast.point == -1).all() and not len(model.connections.masses.mass)
-    mass = model.mass.array[::3][model.body_dofs("sleepers")].sum()
+    mass = model.mass.array[::3][model.bodies.dofs("sleepers")].sum()
     assert mass == pytest.approx(3 * 219.0, rel=1e-3)
 
 
@@ -120,8 +120,8 @@ def test_the_track_carries_its_weight(tmp_path, solid):
     )
     rest(model)
     u, m = model.state.u.x.array, model.mass.array[::3]
-    weight = 9.81 * m[model.body_dofs("rail")].sum()
-    sleeper = 9.81 * (m[model.body_dofs("sleepers")].sum() if solid else 3 * 219.0)
+    weight = 9.81 * m[model.bodies.dofs("rail")].sum()
+    sleeper = 9.81 * (m[model.bodies.dofs("sleepers")].sum() if solid else 3 * 219.0)
     if solid:
         (pads,), (ballast,) = links(model, Between), links(model, Spread)
         carried = -(ballast.stiffness * ballast.stretch(u, NOBODY)).sum(axis=0)[2]
@@ -176,14 +176,14 @@ def test_sleepers_start_with_the_rail_over_them(tmp_path, solid):
     """A rail that turns about y with 0.1 rad/s: each sleeper moves as the rail at its middle."""
     model = build(scene(tmp_path, solid=solid), MPI.COMM_SELF)
     X, v = model.domain.V.tabulate_dof_coordinates(), model.state.v.x.array.reshape(-1, 3)
-    over = model.body_dofs("rail")
+    over = model.bodies.dofs("rail")
     v[over, 2] = 0.2 - 0.1 * X[over, 0]
     follow(model)
     middles = SPACING * np.arange(-1, 2)
     if not solid:
         np.testing.assert_allclose(model.connections.masses.v[:, 2], 0.2 - 0.1 * middles)
         return
-    dofs = model.body_dofs("sleepers")
+    dofs = model.bodies.dofs("sleepers")
     nearest = SPACING * np.round(X[dofs, 0] / SPACING)
     np.testing.assert_allclose(v[dofs, 2], 0.2 - 0.1 * nearest, rtol=1e-12)
     assert sleeper_bodies(model.scene, model.domain) == {"sleepers"}
@@ -247,7 +247,7 @@ def test_vehicle_is_preloaded_and_starts_without_a_jump():
     assert isinstance(connections, Connections)
     stretch = suspension.stretch(u, connections.masses.u)[2]
     assert 1e6 * stretch == pytest.approx(50 * 9.81, rel=1e-9)
-    block = model.mass.array[::3][model.body_dofs("block")].sum()
+    block = model.mass.array[::3][model.bodies.dofs("block")].sum()
     (pair,) = model.pairs.values()
     assert pair.normal_resultant[2] == pytest.approx(9.81 * (50 + block), rel=1e-6)
     assert not model.state.v.x.array.any() and not connections.masses.v.any()

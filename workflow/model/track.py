@@ -4,16 +4,16 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from forms.springs.connections import Connections, Link, Mean, PointMasses, Spread
 from forms.springs.dashpots import Dashpots, absorbing
 from forms.springs.node_to_facet import Between
+from meshes.arrays import Array, Index
 from meshes.domain import Domain
 from meshes.formats.conform import faces_on
 from meshes.quads import area_shares
 from meshes.wheel_rail import seats, sleepers
-from workflow.model.regions import facets, surface_nodes
+from workflow.model.regions import facets, owners, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
@@ -21,8 +21,6 @@ from workflow.scene.track import Absorbing, Track
 if TYPE_CHECKING:
     pass
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Seat = tuple[Index, Array]
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -206,5 +204,5 @@ def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
         return set()
     mesh, on = domain.source, np.zeros(len(domain.source.points), dtype=bool)
     on[surface_nodes(domain, scene.track.sleeper_top)] = True
-    regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
-    return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
+    regions, body_of = np.unique(mesh.regions[on[mesh.cells].any(axis=1)]), owners(scene)
+    return {body_of[mesh.name(int(tag))] for tag in regions}

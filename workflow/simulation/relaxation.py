@@ -10,7 +10,6 @@ the step allows. Point masses, slow beside cells, are moved to rest under the pr
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
@@ -18,12 +17,12 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.springs.step_bound import attached
 from forms.time_step import cell_frequencies
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.scene.settings import Relaxation
 from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
 
-Array = npt.NDArray[np.float64]
 Seen = tuple[Array, Array]
 
 SAFETY = 0.9  # of the step's limit: what bodies stiffen as they turn and strain

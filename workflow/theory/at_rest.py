@@ -21,6 +21,7 @@ from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.model.geometry import placement_of, profiles_of
+from workflow.model.regions import owners
 from workflow.results.record import PatchNodes, Record, patches_of
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import WheelRailMesh
@@ -236,10 +237,10 @@ def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
 
 def modulus_of(scene: Scene) -> float | None:
     """Return the contact modulus E* of tyre and rail head [Pa], None if they are not isotropic."""
-    constants = []
+    constants, body_of = [], owners(scene)
     for region in ("tyre", "rail_head"):
-        bodies = [b for b in scene.bodies.values() if region in [r.lower() for r in b.regions]]
-        if len(bodies) != 1 or not isinstance(bodies[0].material, Isotropic):
+        material = scene.bodies[body_of[region]].material if region in body_of else None
+        if not isinstance(material, Isotropic):
             return None
-        constants += [bodies[0].material.youngs_modulus, bodies[0].material.poisson_ratio]
+        constants += [material.youngs_modulus, material.poisson_ratio]
     return contact_modulus(*constants)

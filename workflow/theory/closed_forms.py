@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshes.arrays import Array
+from workflow.model.regions import owners
 from workflow.results.record import PatchNodes, Record
 
 if TYPE_CHECKING:
@@ -83,15 +84,10 @@ def smooth(record: Record) -> Smooth | None:
     from workflow.scene.mesh import CapMesh, CurvedMesh
 
     scene = checked(record)
-    mesh, bodies = scene.mesh, list(scene.bodies.values())
+    mesh, body_of = scene.mesh, owners(scene)
     if not isinstance(mesh, CapMesh | CurvedMesh) or len(scene.contacts) != 1:
         return None
-    materials = [
-        body.material
-        for region in mesh.regions
-        for body in bodies
-        if region in [r.lower() for r in body.regions]
-    ]
+    materials = [scene.bodies[body_of[region]].material for region in mesh.regions]
     constants = [(m.youngs_modulus, m.poisson_ratio) for m in materials if isinstance(m, Isotropic)]
     if len(constants) != 2:
         return None
