@@ -94,7 +94,7 @@ def test_not_under_mpiexec(monkeypatch, capsys):
     monkeypatch.setenv("PMI_RANK", "0")
     monkeypatch.setattr(sys, "argv", ["squealx", "bench", "--quick"])
     with pytest.raises(SystemExit) as stop:
-        main.main()
+        main()
     assert stop.value.code == 2 and "starts its own ranks" in capsys.readouterr().err
 
 
@@ -165,6 +165,6 @@ def test_folder_is_tried_before_anything_is_measured(tmp_path, monkeypatch, caps
     monkeypatch.setattr("workflow.bench.speed.measure", lambda *_: pytest.fail("measured"))
     monkeypatch.setattr(sys, "argv", ["squealx", "bench", "--out", str(tmp_path / "file/out")])
     with pytest.raises(SystemExit) as stop:
-        main.main()
+        main()
     assert stop.value.code == 2
     assert "expected a folder that can be written" in capsys.readouterr().err

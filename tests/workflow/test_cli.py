@@ -27,7 +27,7 @@ def squealx(monkeypatch, capfd, tmp_path):
         monkeypatch.setattr(sys, "argv", ["squealx", *map(str, words)])
         capfd.readouterr()
         try:
-            main.main()
+            main()
             code = 0
         except SystemExit as stop:
             code = int(stop.code or 0)

@@ -218,7 +218,7 @@ def test_command_line(block, monkeypatch, capsys, tmp_path):
     def call(*words) -> int:
         monkeypatch.setattr(sys, "argv", ["squealx", "report", *map(str, words)])
         try:
-            main.main()
+            main()
         except SystemExit as stop:
             return int(stop.code or 0)
         return 0
