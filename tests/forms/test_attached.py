@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The step bound of bodies on springs and dampers: oscillators, and dense eigenvalues."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import dolfinx
@@ -275,10 +271,6 @@ def test_run_is_bounded_just_below_the_bound_and_diverges_just_above(damping):
 
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="is itself on ranks")
-def test_bounds_also_hold_on_ranks():
+def test_bounds_also_hold_on_ranks(tests_on):
     """The assembled operator with springs under ``mpiexec``, against the dense one."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-m"]
-    command += ["pytest", "-q", "-x", "-p", "no:cacheprovider", __file__, "-k", "operator"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests_on(2, __file__, "-k", "operator")

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Springs and dampers between two bodies: closed forms, momentum, stiffness, step bound, ranks."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -239,10 +235,6 @@ def test_ranks_agree():
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="is itself on ranks")
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_on_ranks(ranks):
+def test_on_ranks(tests_on, ranks):
     """The test above under ``mpiexec``."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec if mpiexec.exists() else "mpiexec", "-n", str(ranks), sys.executable, "-m"]
-    command += ["pytest", "-q", "-x", "-p", "no:cacheprovider", __file__, "-k", "ranks_agree"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests_on(ranks, __file__, "-k", "ranks_agree")

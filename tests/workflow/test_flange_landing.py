@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The main scene without statics: the wheelset rolls and lands on the rail at 3 m/s, every step."""
 
-import subprocess
-import sys
-
 from mpi4py import MPI
 
 import numpy as np
@@ -42,7 +39,7 @@ def vertical(model: Model) -> tuple[float, ...]:
 
 @pytest.mark.slow
 @pytest.mark.mpi
-def test_landing_momentum_and_ranks(tmp_path):
+def test_landing_momentum_and_ranks(squealx, tmp_path):
     """Impulse of contact, suspension and weight is the change of momentum, to 1e-6 each step.
 
     The same 200 steps on two ranks give the same history to 1e-9 (row 23): forces over the largest
@@ -58,9 +55,7 @@ def test_landing_momentum_and_ranks(tmp_path):
     np.testing.assert_allclose(momentum[1:] - momentum[0], impulse, rtol=0, atol=1e-6 * scale)
 
     source = tmp_path / "one" / "scene.toml"
-    command = [sys.executable, "-m", "workflow.cli", "run", source, "--ranks", "2"]
-    command += ["--out", tmp_path / "two"]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    squealx("run", source, "--ranks", 2, "--out", tmp_path / "two")
     one, two = result.history, Record(tmp_path / "two").history
     force, energy = one["wheel_rail_normal_force"].max(), one["internal"].max()
     ride = one["kinetic"].max()
