@@ -14,7 +14,6 @@ import h5py
 import numpy as np
 
 from workflow.results import atomic
-from workflow.results import samples as sample_table
 from workflow.scene import SceneError
 
 
@@ -132,6 +131,8 @@ def readable(path: Path) -> bool:
 
 def cut_results(path: Path, resume: Resume) -> None:
     """Drop all of ``results.h5`` that was written after the checkpoint."""
+    from workflow.results import samples  # a run without probes does not need them
+
     outputs = resume.outputs
     with atomic.changing(path) as file:
         for column in file["history"].values():
@@ -141,7 +142,7 @@ def cut_results(path: Path, resume: Resume) -> None:
         for group in file["contact"].values():
             for k in [k for k in group if int(k) >= outputs]:
                 del group[k]
-        sample_table.cut(file, resume.samples)
+        samples.cut(file, resume.samples)
         for table in file["patches"].values() if "patches" in file else ():
             if "output" in table:
                 _shorten(table, int(np.searchsorted(table["output"][:], outputs)))
