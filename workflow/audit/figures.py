@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The quality of a mesh as a figure: its cells by step and shape, and where the stiffest are."""
+"""Mesh quality as a file and a figure: cells by step and shape, and where the stiffest are."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from meshes.arrays import Array
 from workflow.audit.mesh import MeshReport, summary
 from workflow.figures import style
 from workflow.figures.view3d import EDGE, Frame, volume
-from workflow.scene.scene import SceneError
+from workflow.scene import SceneError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

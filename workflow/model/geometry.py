@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The mesh of a scene: made on rank 0, distributed by DOLFINx."""
+"""Mesh of a scene: made on rank 0, distributed by DOLFINx."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Springs, dampers and point masses of a scene: pads, sleepers, ballast, suspension, dashpots."""
+"""Track and suspension of a scene: springs, dampers, dashpots and point masses."""
 
 from typing import TYPE_CHECKING
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run writes of each contact patch at each output: a table, and the list of events."""
+"""Patch table of a result folder: a row for each patch and output, and the list of events."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The result folder of a run: settings, history, contact, fields and summary."""
+"""Writer of a result folder: settings, history, contact, fields and summary."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What stops a run that has gone wrong, and what it says."""
+"""Run-time guards: non-finite values, energy balance, penetration, lost contact."""
 
 import math
 from typing import TYPE_CHECKING
@@ -40,7 +40,7 @@ def check_finite(model: "Model") -> None:
 
 
 class Watch:
-    """The guards that look at energy and contact at every output and between.
+    """Guards of energy and contact, at every output and between.
 
     Args:
         model: The model.

@@ -59,7 +59,7 @@ def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
-class Gauge:
+class ProbeSampler:
     """One probe: means of its motion over windows, this rank's part.
 
     Attributes:
@@ -104,7 +104,7 @@ class Gauge:
         self.start, self.sum = now, now / 2
 
 
-class Touch:
+class ContactSampler:
     """The forces of one contact pair: means over windows, alike on all ranks, kept on rank 0.
 
     Attributes:
@@ -177,29 +177,31 @@ class Sampling:
         if any(p.region is not None and p.point is None for p in scene.probes):
             mass[domain.nodes[: domain.owned]] = model.mass.array[::3][: domain.owned]
             mass = comm.allreduce(mass)
-        self.gauges = [Gauge(probe, model, mass) for probe in scene.probes]
-        self.touches = {n: Touch(p) for n, p in model.pairs.items()} if comm.rank == 0 else {}
-        self.busy = [g for g in self.gauges if g.every_step]
+        self.probes = [ProbeSampler(probe, model, mass) for probe in scene.probes]
+        self.contacts = (
+            {n: ContactSampler(p) for n, p in model.pairs.items()} if comm.rank == 0 else {}
+        )
+        self.busy = [g for g in self.probes if g.every_step]
         self.clear()
 
     def clear(self) -> None:
         """Forget the samples that wait to be written."""
         self.t: list[float] = []
         self.motion: list[Array] = []
-        self.force: dict[str, list[tuple[Array, Index, Array]]] = {n: [] for n in self.touches}
+        self.force: dict[str, list[tuple[Array, Index, Array]]] = {n: [] for n in self.contacts}
 
     def lines(self) -> list[str]:
         """Say what is sampled, for the log."""
         points = self.model.domain.source.points
         told = [f"sampled: means over {self.every} steps, {self.interval * 1e6:.3f} us"]
-        for gauge in self.gauges:
-            probe, n = gauge.probe, len(gauge.nodes)
+        for sampler in self.probes:
+            probe, n = sampler.probe, len(sampler.nodes)
             where = f"mean of the {n} nodes of {probe.surface or probe.region}"
             if probe.point is not None:
-                at = points[gauge.nodes[0]]
+                at = points[sampler.nodes[0]]
                 off = np.linalg.norm(at - probe.point)
                 x, y, z = at
-                where = f"node {gauge.nodes[0]} at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+                where = f"node {sampler.nodes[0]} at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
                 where += f", {off:.1e} m from the point given"
             told.append(f"probe {probe.name}: {probe.quantity} of {where}")
         return told
@@ -210,23 +212,23 @@ class Sampling:
         if edge and self.open:
             self._close()
         elif edge:
-            for gauge in self.gauges:
-                gauge.begin()
-            for touch in self.touches.values():
-                touch.begin()
+            for sampler in self.probes:
+                sampler.begin()
+            for contact in self.contacts.values():
+                contact.begin()
             self.open = True
         elif self.open:
-            for gauge in self.busy:
-                gauge.follow()
-            for touch in self.touches.values():
-                touch.follow()
+            for sampler in self.busy:
+                sampler.follow()
+            for contact in self.contacts.values():
+                contact.follow()
 
     def _close(self) -> None:
         self.t.append(self.model.state.t - self.interval / 2)
-        if self.gauges:
-            self.motion.append(np.array([gauge.close(self.every) for gauge in self.gauges]))
-        for name, touch in self.touches.items():
-            self.force[name].append(touch.close(self.every))
+        if self.probes:
+            self.motion.append(np.array([sampler.close(self.every) for sampler in self.probes]))
+        for name, contact in self.contacts.items():
+            self.force[name].append(contact.close(self.every))
 
     def append(self, results: Results) -> None:
         """Add to the results what was sampled since the last time; collective."""
@@ -242,7 +244,7 @@ class Sampling:
         """
         whole = self._waiting()
         comm = self.model.domain.msh.comm
-        if self.gauges:
+        if self.probes:
             parts = comm.gather(whole["motion"])
             whole["motion"] = sum(parts[1:], parts[0]) if parts else whole["motion"]
         self.written += len(self.t)
@@ -252,7 +254,7 @@ class Sampling:
     def _waiting(self) -> dict[str, npt.NDArray[Any]]:
         """Return what waits by name, this rank's part of the motion."""
         arrays: dict[str, npt.NDArray[Any]] = {"t": np.array(self.t)}
-        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.gauges), 3)
+        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.probes), 3)
         for name, means in self.force.items():
             total, nodes, nodal = zip(*means, strict=True) if means else ((), (), ())
             arrays[f"{name}/total"] = np.array(total).reshape(-1, 2, 3)
@@ -266,12 +268,12 @@ class Sampling:
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that coming samples depend on, whole on rank 0; collective."""
         comm, waiting = self.model.domain.msh.comm, self._waiting()
-        starts = np.array([[g.start, g.sum] for g in self.gauges]).reshape(-1, 2, 3)
+        starts = np.array([[g.start, g.sum] for g in self.probes]).reshape(-1, 2, 3)
         waiting["motion"], waiting["start"] = (
             np.array(comm.allgather(part)) for part in (waiting["motion"], starts)
         )
-        for name, touch in self.touches.items():
-            waiting |= {f"{name}/sum": touch.total.copy(), f"{name}/sums": touch.nodal.copy()}
+        for name, contact in self.contacts.items():
+            waiting |= {f"{name}/sum": contact.total.copy(), f"{name}/sums": contact.nodal.copy()}
         return waiting | {"every": np.array([self.every, self.written, self.open])}
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
@@ -291,11 +293,11 @@ class Sampling:
         self.open, self.t = bool(opened), list(memory["t"])
         comm = self.model.domain.msh.comm
         motion, start = (self._mine(memory[key], comm) for key in ("motion", "start"))
-        self.motion = list(motion) if self.gauges else []
-        for gauge, (before, sums) in zip(self.gauges, start, strict=True):
-            gauge.start, gauge.sum = before.copy(), sums.copy()
-        for name, touch in self.touches.items():
-            touch.total[:], touch.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
+        self.motion = list(motion) if self.probes else []
+        for sampler, (before, sums) in zip(self.probes, start, strict=True):
+            sampler.start, sampler.sum = before.copy(), sums.copy()
+        for name, contact in self.contacts.items():
+            contact.total[:], contact.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
             cuts = np.cumsum(memory[f"{name}/count"])[:-1]
             nodes, nodal = (np.split(memory[f"{name}/{key}"], cuts) for key in ("node", "nodal"))
             self.force[name] = list(zip(memory[f"{name}/total"], nodes, nodal, strict=False))
@@ -318,15 +320,15 @@ def _write(file: Any, sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -
         _describe_rolling(root, sampling)
     extend(root, "t", arrays["t"], "s")
     points = sampling.model.domain.source.points
-    for i, gauge in enumerate(sampling.gauges):
-        name, kind = gauge.probe.name, gauge.probe.quantity
+    for i, sampler in enumerate(sampling.probes):
+        name, kind = sampler.probe.name, sampler.probe.quantity
         data = extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
         if "quantity" not in data.attrs:
             data.attrs["quantity"] = kind
-            data.attrs["nodes"] = len(gauge.nodes)
-            data.attrs["place"] = points[gauge.nodes].mean(axis=0)
-            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
-    for name in sampling.touches:
+            data.attrs["nodes"] = len(sampler.nodes)
+            data.attrs["place"] = points[sampler.nodes].mean(axis=0)
+            data.attrs["body"] = body_of(sampling, int(sampler.nodes[0]))
+    for name in sampling.contacts:
         group = root.require_group(f"contact/{name}")
         if "surface" not in group:
             _describe_surface(group, sampling, name)
@@ -349,7 +351,7 @@ def _describe_rolling(root: Any, sampling: Sampling) -> None:
 
 def _describe_surface(group: Any, sampling: Sampling, pair: str) -> None:
     """Note body, nodes and reference positions of the contactor of a pair."""
-    contactor = sampling.touches[pair].side.contactor
+    contactor = sampling.contacts[pair].side.contactor
     order = np.argsort(contactor.nodes)
     group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
     group["surface/node"] = contactor.nodes[order].astype(np.int32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Explicit central difference: the step of every dynamic run.
+"""Central difference: the explicit step of every dynamic run.
 
 Conventions: ``u`` is at t, ``v`` at t − dt/2. When a state is yielded, ``a`` is the acceleration at
 t, so the velocity at t is ``v + dt/2 a``: the mean of the two half-step velocities.

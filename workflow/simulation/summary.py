@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run tells of itself: a row of history and the footprints at each output, the summary."""
+"""Outputs of a run: a row of history and the footprints at each, the summary at the end."""
 
 from importlib.metadata import version
 from typing import Any
