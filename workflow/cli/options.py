@@ -8,12 +8,15 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.units import takes_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a guard or a full disk, results kept."
 
@@ -131,6 +134,24 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         text += f" at {', '.join(angles)}" if angles else ""
         table.add_row(f"contact {name}", f"{text}, {contact['max_penetration'] * 1e6:.1f} µm deep")
     Console().print(table)
+    if summary["expected"]:
+        Console().print(expected_table(summary["expected"]))
+
+
+def expected_table(answers: list[dict[str, Any]]) -> "Table":
+    """Return the table of what theory expects of a run."""
+    from rich.table import Table
+
+    table = Table("quantity", "unit", title="against theory")
+    for name in ("run", "expected", "error"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for a in answers:
+        error = f"{a['error']:+.2%}" if a["expected"] else f"{a['error']:.2g}"
+        cells = (f"{a['value']:.5g}", f"{a['expected']:.5g}", error)
+        table.add_row(a["quantity"], a["unit"], *cells)
+    for source in dict.fromkeys(a["source"] for a in answers):
+        table.caption = f"{table.caption}; {source}" if table.caption else source
+    return table
 
 
 def abort() -> None:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.figures import style
+from workflow.figures.closed_forms import closed_forms
 from workflow.figures.shear import FEWEST
 from workflow.figures.style import Array
 from workflow.results.record import STEEP, Contact, Record
-from workflow.theory.closed_forms import closed_forms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from workflow.figures import style
 from workflow.figures.style import Array
 from workflow.results.record import Patch, Record
-from workflow.theory.closed_forms import Smooth, checked, smooth
+from workflow.theory.smooth import Smooth, smooth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +90,7 @@ def _traction(
     """
     from contact.theory.closed_forms import carter_stick_ratio, carter_traction, cattaneo_mindlin
 
-    scene = checked(record)
+    scene = record.checked
     friction = next(iter(scene.contacts.values())).friction
     resultant = patch.traction[:, 0].sum()
     P, Q = bodies.whole(patch.normal_force), bodies.whole(abs(resultant))

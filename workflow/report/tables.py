@@ -18,7 +18,7 @@ STEPPING = ("internal_force", "contact", "update", "output")
 KNOWN = {
     "scene", "version", "status", "cells", "nodes", "dofs", "ranks", "steps", "time", "dt",
     "dt_bound", "wall_seconds", "seconds_per_phase", "element_updates_per_second", "energy",
-    "contacts",
+    "contacts", "expected",
 }  # fmt: skip
 
 
@@ -171,6 +171,18 @@ def other_table(summary: dict[str, Any]) -> Table | None:
         for keys, value in _leaves([key], summary[key])
     ]
     return Table("Further", ("", ""), sorted(rows), words=(0, 1)) if rows else None
+
+
+def expected_table(summary: dict[str, Any]) -> Table | None:
+    """Return what theory expects of the run beside what came out."""
+    rows: list[tuple[str, ...]] = []
+    for a in summary.get("expected", ()):
+        error = number(100 * a["error"], 2) + " %" if a["expected"] else number(a["error"], 2)
+        unit = "" if a["unit"] == "1" else a["unit"].replace("^2", "²")
+        values = (number(a["value"], 5), number(a["expected"], 5))
+        rows.append((a["quantity"], *values, unit, error, a["source"]))
+    head = ("quantity", "run", "expected", "unit", "error", "source")
+    return Table("Against theory", head, rows, words=(0, 3, 5)) if rows else None
 
 
 def phase_table(summary: dict[str, Any]) -> Table | None:

@@ -23,7 +23,7 @@ from workflow.simulation.energy import Energy, Ledger
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
 from workflow.simulation.stepping import State, central_difference
-from workflow.simulation.summary import output, summarise
+from workflow.simulation.summary import answers, output, summarise
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
@@ -157,11 +157,13 @@ def concluded(job: Job) -> Iterator[None]:
 
 def conclude(job: Job) -> None:
     """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
+    model, results, status = job.model, job.results, job.summary["status"]
     try:
-        job.results.append_samples(job.model.sampling)
-        job.results.summarise(job.summary)
+        results.append_samples(model.sampling)
+        job.summary["expected"] = answers(model, results.folder, status, job.progress.log)
+        results.summarise(job.summary)
     except RuntimeError as error:
-        if job.summary["status"] == "done":
+        if status == "done":
             raise guards.GuardError(str(error)) from error
         job.progress.log(f"summary.json not written: {error}")
     finally:
