@@ -25,7 +25,7 @@ def forces(record: Record) -> tuple[Array, Array, Array]:
 
 def until(record: Record) -> float:
     """Time of the last output [s]; before time zero if there is none."""
-    t = record.history.get("t", ())
+    t = record.history.get("t", np.zeros(0))
     return float(t[-1]) if len(t) else -1.0
 
 
