@@ -45,7 +45,8 @@ def test_error_of_a_bar_is_that_of_its_force(tmp_path):
     found = expected(Record(tmp_path / "bar"))[0]
     assert found.quantity == "contact time, 2 L/c" and found.expected == pytest.approx(stay)
     assert 0 < found.error < 0.01
-    assert found.error == pytest.approx(np.ptp(touching) / stay - 1, abs=result.summary["dt"] / stay)
+    step = result.summary["dt"] / stay
+    assert found.error == pytest.approx(np.ptp(touching) / stay - 1, abs=step)
 
 
 def test_error_of_hertz_is_that_of_his_pressure(tmp_path):

@@ -261,7 +261,7 @@ def weight_on_rail(record: Record) -> float | None:
 def wheel_at_rest(record: Record) -> Iterator[Expected]:
     """Expecteds for a wheel at rest on a rail at the first output: weight, and half-spaces.
 
-    Assumes an axle that is level and held along itself only, and isotropic tyre and rail head. None
+    Assumes an axle that is level and not held upwards, and isotropic tyre and rail head. None
     of half-spaces where the patch is too large for them: a flange that lies in the gauge corner.
     """
     scene = record.checked
@@ -270,7 +270,8 @@ def wheel_at_rest(record: Record) -> Iterator[Expected]:
         return
     first = record.patches_at(next(iter(scene.contacts)), 0)
     weight, gravity = weight_on_rail(record), scene.gravity or (0.0, 0.0, 0.0)
-    free = all(s.directions == ["axle"] for s in scene.supports if s.surface in WHEELSET)
+    holds = [s for s in (*scene.supports, *scene.equilibrium.hold) if s.surface in WHEELSET]
+    free = all(set(s.directions) <= {"axle", "x"} for s in holds)
     if weight is not None and first and free and not mesh.roll and not any(gravity[:2]):
         vertical = sum(patch.vertical_force for patch in first.values())
         yield Expected("vertical force at rest, weight", "N", vertical, weight, STATICS)

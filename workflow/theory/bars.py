@@ -24,6 +24,7 @@ from workflow.theory.assumptions import (
 from workflow.theory.quantity import ENERGY, MOMENTUM, WAVES, Expected
 
 GONE = 1.1  # of the contact time, after which a bar has left
+SMALL = 0.01  # strain, speed over that of waves, up to which waves are linear
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ def wall_impact(scene: Scene) -> Impact | None:
         return None
     section = mesh.width**2
     E, rho = steel.youngs_modulus, steel.density
+    if abs(speed) > SMALL * np.sqrt(E / rho):
+        return None
     force, stay = bar_impact(abs(speed), E, rho, section, mesh.length)
     return Impact(force, stay, gap / abs(speed), abs(speed), rho * section * mesh.length)
 
@@ -128,6 +131,8 @@ def two_bars(record: Record) -> Iterator[Expected]:
     if speed <= 0 or any((*one[:2], *other[:2])) or length < SLENDER * max(width, depth):
         return
     E, rho = steel.youngs_modulus, steel.density
+    if speed > SMALL * np.sqrt(E / rho):
+        return
     force, stay = bar_impact(speed / 2, E, rho, width * depth, length)
     hit = Impact(force, stay, 0.0, speed, rho * width * depth * length)
     t, normal, _ = readings.forces(record)
@@ -184,6 +189,8 @@ def held_bar(record: Record) -> Iterator[Expected]:
         return
     E, rho, L = steel.youngs_modulus, steel.density, mesh.length
     c = float(np.sqrt(E / rho))
+    if abs(speed) > SMALL * c:
+        return
     kinetic, t = record.history["kinetic"], record.history["t"]
     whole = rho * mesh.width**2 * L * speed**2 / 2
     passed = readings.crossings(t, kinetic, kinetic[0] / 2)  # every L/c

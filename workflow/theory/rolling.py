@@ -107,7 +107,8 @@ def steady(record: Record) -> Rolling | None:
     if found is None or motion is None or not found[0].rolls or not found[0].alike:
         return None
     bodies, patch, hertz = found
-    friction = coulomb(next(iter(record.checked.contacts.values())))
+    (contact,) = record.checked.contacts.values()
+    friction, upper = coulomb(contact), 1 if contact.contactor == "cap" else -1
     end, shifts = readings.until(record), [d.shift_time for d in record.checked.driven.values()]
     way = SHIFTED if any(shifts) else ROLLED
     if not friction or abs(motion[1]) * end < way * hertz.a or end < 2 * max(shifts):
@@ -115,7 +116,7 @@ def steady(record: Record) -> Rolling | None:
     t, normal, tangential = readings.forces(record)
     last = t > t[0] + (1 - STEADY) * (t[-1] - t[0])
     force = float(normal[last].mean())
-    mean = tangential[last, :2].mean(axis=0)
+    mean = upper * tangential[last, :2].mean(axis=0)
     return Rolling(bodies, patch, bodies.hertz(force), friction, *motion, force, mean)
 
 
@@ -129,11 +130,11 @@ def carter(record: Record) -> Iterator[Expected]:
     if not 0 < abs(Q) < friction * P:
         return
     exact = carter_creepage(Q, P, friction, hertz.a, bodies.radii[0])
-    imposed_ = float(rolling.creepage[0])
-    yield Expected("creepage for the traction", "1", imposed_, exact, CARTER)
-    left = max(1 - abs(imposed_) * bodies.radii[0] / (friction * hertz.a), 0.0)
-    sign = -float(np.sign(imposed_))
-    force, along = sign * rolling.limit * (1 - left**2), float(rolling.tangential[0])
+    xi = float(rolling.creepage[0])
+    yield Expected("creepage for the traction", "1", xi, exact, CARTER)
+    left = max(1 - abs(xi) * bodies.radii[0] / (friction * hertz.a), 0.0)
+    force = -float(np.sign(xi)) * rolling.limit * (1 - left**2)
+    along = float(rolling.tangential[0])
     yield Expected("tangential force at the creepage", "N", along, force, CARTER)
     yield from _carter_zone(rolling, record.checked)
     yield from _power(record, rolling)

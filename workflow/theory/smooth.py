@@ -32,6 +32,8 @@ FLAT = 0.2  # of the radius, likewise
 WAVES = 10.0  # times a wave runs up and down a body during an impact, at least
 PARTED = 1.05  # of the contact time, after which the bodies are apart
 
+Moduli = tuple[tuple[float, float], tuple[float, float]]  # of two bodies: Young's [Pa], Poisson's
+
 
 @dataclass(frozen=True)
 class Smooth:
@@ -40,7 +42,6 @@ class Smooth:
     Attributes:
         radii: Radii of the relative curvature along x and y [m]; infinite along y in plane strain.
         moduli: Young's modulus [Pa] and Poisson's ratio of the upper and the lower body.
-        parts: What is modelled times this is the whole.
         thickness: Of plane strain [m], NaN in space.
         halved: Whether the model begins at the plane through the centre, across x and across y.
         rolls: Whether the upper body rolls.
@@ -48,12 +49,16 @@ class Smooth:
     """
 
     radii: tuple[float, float]
-    moduli: tuple[tuple[float, float], tuple[float, float]]
-    parts: int
+    moduli: Moduli
     thickness: float
     halved: tuple[bool, bool]
     rolls: bool
     room: float
+
+    @property
+    def parts(self) -> int:
+        """What is modelled times this is the whole."""
+        return int(2 ** sum(self.halved))
 
     @property
     def plane(self) -> bool:
@@ -111,25 +116,30 @@ def smooth(record: Record) -> Smooth | None:
     if upper is None or lower is None:
         return None
     first, second = ((m.youngs_modulus, m.poisson_ratio) for m in (upper, lower))
-    if isinstance(mesh, CapMesh):
-        radii, halved, thickness = (mesh.radius, mesh.radius), (True, True), np.nan
-        room, rolls = mesh.extent, False
-    else:
-        along = _relative(mesh.radius, mesh.base_radius)
-        across = _relative(mesh.crown, mesh.base_crown)
-        plane = mesh.layers is not None
-        if not along > 0 or (across == 0) != plane:
-            return None
-        halved = (mesh.x[0] == 0, mesh.y[0] == 0 and not plane)
-        thickness = mesh.y[1] - mesh.y[0] if plane else np.nan
-        radii, rolls = (1 / along, np.inf if plane else 1 / across), mesh.rolls
-        ends = (*mesh.x, *(() if plane else mesh.y), mesh.height, mesh.depth)
-        room = min(abs(end) for end in ends if end)
-    sides = {"xmin": halved[0], "ymin": halved[1] or np.isfinite(thickness)}
-    sides["ymax"] = bool(np.isfinite(thickness))
-    if any(side and name[0] not in held(scene, name) for name, side in sides.items()):
+    bodies = _shape(mesh, (first, second))
+    if bodies is None:
         return None
-    return Smooth(radii, (first, second), 2 ** sum(halved), thickness, halved, rolls, room)
+    cut = {"xmin": bodies.halved[0], "ymin": bodies.halved[1] or bodies.plane, "ymax": bodies.plane}
+    free = [name for name, is_cut in cut.items() if is_cut and name[0] not in held(scene, name)]
+    return None if free else bodies
+
+
+def _shape(mesh: CapMesh | CurvedMesh, moduli: Moduli) -> Smooth | None:
+    """Return the smooth bodies of a mesh, None if they are not curved towards each other."""
+    if isinstance(mesh, CapMesh):
+        radii = (mesh.radius, mesh.radius)
+        return Smooth(radii, moduli, np.nan, (True, True), False, mesh.extent)
+    along = _relative(mesh.radius, mesh.base_radius)
+    across = _relative(mesh.crown, mesh.base_crown)
+    plane = mesh.layers is not None
+    if not along > 0 or (across == 0) != plane:
+        return None
+    halved = (mesh.x[0] == 0, mesh.y[0] == 0 and not plane)
+    thickness = mesh.y[1] - mesh.y[0] if plane else np.nan
+    ends = (*mesh.x, *(() if plane else mesh.y), mesh.height, mesh.depth)
+    room = min(abs(end) for end in ends if end)
+    radii = (1 / along, np.inf if plane else 1 / across)
+    return Smooth(radii, moduli, thickness, halved, mesh.rolls, room)
 
 
 def _relative(one: float | None, other: float | None) -> float:
