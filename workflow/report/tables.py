@@ -22,7 +22,7 @@ STEPPING = ("internal_force", "contact", "update", "output")
 KNOWN = {
     "scene", "version", "status", "cells", "nodes", "dofs", "ranks", "steps", "time", "dt",
     "dt_bound", "wall_seconds", "seconds_per_phase", "element_updates_per_second", "energy",
-    "contacts",
+    "contacts", "expected",
 }  # fmt: skip
 
 
