@@ -69,6 +69,6 @@ def answers(entries: Sequence[Mapping[str, Any]]) -> Table | None:
         Column("expected", "expected", ".5g"),
         Column("unit", lambda a: "" if a["unit"] == "1" else a["unit"], words=True),
         Column("error", lambda a: f"{a['error']:+.2%}" if a["expected"] else f"{a['error']:.2g}"),
-        Column("source", "source", words=True),
     ]
-    return Table("Against theory", columns, entries) if entries else None
+    sources = "; ".join(dict.fromkeys(a["source"] for a in entries))
+    return Table("Against theory", columns, entries, sources) if entries else None
