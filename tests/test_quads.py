@@ -6,7 +6,14 @@ import pytest
 
 import meshes
 from meshes import block, profiles
-from meshes.quads import area_shares, area_vectors, bilinear, enclosed_volume, nodal_areas
+from meshes.quads import (
+    area_shares,
+    area_vectors,
+    bilinear,
+    corner_areas,
+    enclosed_volume,
+    nodal_areas,
+)
 from meshes.shapes.blocks import distorted
 
 TRAPEZOID = np.array([[0.0, 0, 0], [4, 0, 0], [3, 2, 0], [1, 2, 0]])  # area 6
@@ -25,7 +32,7 @@ def test_areas_of_a_trapezoid():
     quad = np.arange(4)[None]
     np.testing.assert_allclose(area_vectors(TRAPEZOID, quad), [[0, 0, 6]])
     np.testing.assert_allclose(nodal_areas(TRAPEZOID, quad), [5 / 3, 5 / 3, 4 / 3, 4 / 3])
-    np.testing.assert_allclose(nodal_areas(TRAPEZOID, quad, [3.0]), [5, 5, 4, 4])
+    np.testing.assert_allclose(corner_areas(TRAPEZOID, quad), [[5 / 3, 5 / 3, 4 / 3, 4 / 3]])
     nodes, share = area_shares(TRAPEZOID, quad)
     np.testing.assert_array_equal(nodes, quad[0])
     assert share.sum() == pytest.approx(1)
