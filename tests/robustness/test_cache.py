@@ -23,7 +23,8 @@ FORM = """
 from mpi4py import MPI
 import sys, time, ufl, dolfinx
 from dolfinx import fem
-from forms import kernel, native
+from forms import kernel
+from forms.simd import native
 import ffcx.codegeneration.jit as ffcx_jit
 def compile_objects(*args, **kwargs):  # the C file is there, the library never comes
     print("compiling", flush=True)
