@@ -15,39 +15,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from contact.surface import Surface, corner_areas, tributary_area
+from contact.surface import Surface, tributary_area
+from meshes.quads import nodal_areas
 
 Array = npt.NDArray[np.float64]
-
-METHODS = ("penalty", "modulus-penalty", "lagrange")
-
-
-def checked(
-    method: str,
-    *,
-    damping: float,
-    offset_time: float,
-    sharp_angle: float,
-    initial_overlap: str,
-    **positive: float,
-) -> None:
-    """Raise ValueError naming an option of a contact pair that does not fit."""
-    for key, value in positive.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{key}: expected a finite value > 0, got {value}")
-    for key, value in (("damping", damping), ("offset_time", offset_time)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{key}: expected a finite value >= 0, got {value}")
-    if not 0.0 < sharp_angle < np.pi:
-        raise ValueError(f"sharp_angle: expected an angle in (0, pi) rad, got {sharp_angle}")
-    for key, word, known in (
-        ("method", method, METHODS),
-        ("initial_overlap", initial_overlap, ("offset", "push")),
-    ):
-        if word not in known:
-            raise ValueError(f"{key}: expected one of {', '.join(known)}, got {word!r}")
-    if method == "lagrange" and damping > 0.0:
-        raise ValueError(f"damping: expected 0 with method = 'lagrange', got {damping}")
 
 
 def node_foundation(surface: Surface) -> Array:
@@ -59,10 +30,7 @@ def node_foundation(surface: Surface) -> Array:
     facet = surface.foundation
     if facet is None:
         raise ValueError(f"surface {surface.name}: expected bulk moduli for modulus-penalty")
-    share = corner_areas(surface.reference, surface.facets)
-    total = np.bincount(
-        surface.facets.ravel(), (share * facet[:, None]).ravel(), minlength=len(surface.nodes)
-    )
+    total = nodal_areas(surface.reference, surface.facets, facet)
     return np.asarray(total / tributary_area(surface))
 
 

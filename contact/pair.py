@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact of two surfaces: normal force and friction, ``add(state, force)``."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from contact._kernel import ffi, lib
-from contact.arrays import view
-from contact.friction import Coulomb, Law, LawState, as_law, coefficients
-from contact.history import History
-from contact.lagrange import Lagrange
-from contact.neighbourhood import Neighbourhood
-from contact.normal_law import checked, node_foundation
+from contact.footprint import Footprint
+from contact.friction import Law, as_law
+from contact.one_pass import Pass
+from contact.options import Options
 from contact.state import State, Vector
-from contact.surface import Surface, tributary_area
-from contact.tangent import stiffness_blocks
-from contact.totals import Totals
+from contact.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,11 +21,8 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 
-STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
-
-
-class ContactPair(Totals):
-    r"""Contactor nodes against target facets.
+class ContactPair:
+    r"""Contactor nodes against target facets, in one pass or in two.
 
     1. The gap :math:`g` of a node is its signed distance from the closest point of the target,
        negative when penetrating; :math:`n` is the target's normal there.
@@ -47,8 +40,22 @@ class ContactPair(Totals):
     6. The reaction is spread over the facet by N_i, with a couple that balances the moment:
        forces and moments of the pair sum to zero.
 
+    One pass sees the nodes of one surface only, and loads the other as these happen to lie on it.
+    Two passes treat both alike, each surface once contactor and once target with half the penalty,
+    which evens out the pressure where the meshes do not match.
+
     All ranks hold the same contact; forces go to owned dofs only.
+
+    Attributes:
+        passes: The contactor's nodes on the target and, in two passes, the target's on the
+            contactor.
+        contactor, target: Its surfaces.
+        dt: Time step [s].
+        last: Whether :meth:`add` needs all other forces, complete on owned dofs.
+        phase: What the time of :meth:`add` counts to.
     """
+
+    phase = "contact"
 
     def __init__(
         self,
@@ -67,6 +74,7 @@ class ContactPair(Totals):
         sharp_angle: float = 0.7,
         initial_overlap: str = "push",
         offset_time: float = 0.0,
+        two_pass: bool = False,
         name: str = "",
     ) -> None:
         """Set up the pair; collective.
@@ -89,68 +97,49 @@ class ContactPair(Totals):
             initial_overlap: What becomes of nodes that overlap at the first step and not from a
                 static solve: ``push`` (their springs push) or ``offset`` (it does not count).
             offset_time: Time over which offsets fade to none; kept until release if 0 [s].
+            two_pass: Make each surface contactor once; both deformable, no ``lagrange``.
             name: Name for messages.
+
+        Raises:
+            ValueError: if an option does not fit, or the surfaces do not.
         """
         self.name = name or f"{contactor.name} on {target.name}"
+        self.contactor, self.target, self.dt = contactor, target, dt
+        options = Options(
+            dt=dt,
+            law=as_law(friction),
+            penalty=penalty,
+            damping=damping,
+            tangential=tangential,
+            reach=reach,
+            method=method,
+            smooth=smooth,
+            sharp_angle=sharp_angle,
+            initial_overlap=initial_overlap,
+            offset_time=offset_time,
+        )
+        self.last = method == "lagrange"
+        sides = [(contactor, target)]
         if contactor.rigid and target.rigid:
             raise ValueError(f"contact pair {self.name}: both surfaces are rigid")
-        checked(
-            method, dt=dt, penalty=penalty, tangential=tangential, damping=damping,
-            offset_time=offset_time, sharp_angle=sharp_angle, initial_overlap=initial_overlap,
-        )  # fmt: skip
-        self.contactor, self.target = contactor, target
-        self.dt, self.penalty, self.damping, self.tangential = dt, penalty, damping, tangential
-        self.law = as_law(friction)
-        self.method, self.initial_overlap, self.offset_time = method, initial_overlap, offset_time
-        below = sharp_angle if smooth else None
-        self.near = Neighbourhood(contactor, target, comm, reach, self.name, below)
-        self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
-        lasting = method == "lagrange"
-        self.history = History(len(contactor.nodes), np.inf if lasting else tangential)
-        self._bind()
-        self._lagrange = Lagrange(self.near, self.history, self._fixed) if lasting else None
-        self.reset()
+        if two_pass:
+            self._check_two_passes()
+            options = replace(options, penalty=penalty / 2, damping=damping / 2**0.5)
+            sides.append((target, contactor))
+        self.passes = tuple(
+            Pass(one, other, options, comm=comm, name=self.name) for one, other in sides
+        )
 
-    def _bind(self) -> None:
-        """Collect the arguments of the kernel calls that stay the same."""
-        n = len(self.area)
-        self._mass = np.concatenate([self.contactor.mass, self.target.mass])
-        self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
-        arrays: dict[str, npt.NDArray[Any]] = {
-            "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
-            "quad": self.near.search.quad,
-        }  # fmt: skip
-        assert self._mass.shape == self._dofs.shape == (n,)
-        self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
-        self._bed = (ffi.NULL, ffi.NULL)
-        if self.method == "modulus-penalty":
-            bed = node_foundation(self.contactor)
-            if self.target.foundation is None:
-                raise ValueError(f"surface {self.target.name}: expected bulk moduli")
-            self._bed = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
-        c = self.history.c | self._fixed
-        normal = "xv mass area quad facet xi normal gap stiffness damper offset"
-        normal += " pressing drag traction slip touching total"
-        friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
-        self._c_normal = tuple(c[key] for key in normal.split())
-        self._c_friction = tuple(c[key] for key in friction.split())
+    def _check_two_passes(self) -> None:
+        if self.contactor.rigid or self.target.rigid:
+            raise ValueError(f"contact pair {self.name}: two passes need two deformable surfaces")
+        if self.last:
+            raise ValueError("two_pass: expected a penalty method; constraints of both sides clash")
 
     def reset(self) -> None:
         """Forget all contact: no node touches, no traction, nothing dissipated."""
-        self.history.clear()
-        self.history.total[:] = 0.0
-        self.history.started[:] = np.nan
-        constant = self.law.friction if isinstance(self.law, Coulomb) else np.nan
-        self.history.friction[:] = constant
-        self.near.forget()
-        self.active = 0
-
-    # ---- one step -------------------------------------------------------------------------
-
-    @property
-    def last(self) -> bool:
-        """Whether :meth:`add` needs all other forces, complete on owned dofs."""
-        return self._lagrange is not None
+        for side in self.passes:
+            side.reset()
 
     def add(self, state: State, force: Vector, *, friction: bool = True) -> None:
         """Add the contact forces of the present state to ``force`` on owned dofs; collective.
@@ -161,76 +150,8 @@ class ContactPair(Totals):
             friction: False in statics: normal springs only, a function of ``u`` alone, found
                 by a new search wherever the bodies moved; drops the tangential history.
         """
-        if not friction:
-            m = self._settle(state)
-            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
-        else:
-            self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
-            if self._lagrange is not None:
-                self._close(self._lagrange, state, force.array)
-                return
-            m = self._press(self.dt, state.t)
-            if not isinstance(self.law, Coulomb):
-                self._apply_law(m, state.t)
-            coefficient = self.history.c["friction"]
-        lib.wr_friction(
-            m, self.history.c["touching"], self.tangential, coefficient, *self._c_friction,
-            view("force", force.array, (-1,), out=True), self.history.c["total"],
-        )  # fmt: skip
-
-    def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
-        """Add the forces that leave no gap at the next step."""
-        near = self.near
-        # at the start v is at t, and the stepping takes half a step to get to t - dt/2
-        kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
-        if np.isnan(self.history.started[0]):  # offsets are those of the present gaps
-            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.history.c)
-        fade = self._offsets(state.t)
-        lagrange.predict(force, self.dt, kick, self.active)
-        if not isinstance(self.law, Coulomb):
-            self._apply_law(self.active, state.t)
-        self.active = lagrange.solve(force, self.dt, kick, fade)
-
-    def _settle(self, state: State) -> int:
-        """Find the contact of a state at rest; return the number of touching nodes."""
-        self.near.settle(state.u.x.array, self.history)
-        self.history.traction[:] = 0.0
-        self.history.started[:] = np.nan
-        return self._press(0.0, state.t)
-
-    def _press(self, dt: float, t: float) -> int:
-        """Track the candidates and find their normal forces; return how many touch."""
-        near, k = self.near, len(self.near.item)
-        near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
-        per_mass = self.penalty / self.dt**2
-        if self._lagrange is not None:
-            per_mass *= 1.0 if self.near.search.smooth else STATIC
-        fade = self._offsets(t) if dt > 0.0 else 0.0
-        self.active = lib.wr_normal(
-            k, near.c_item, dt, per_mass, self.penalty, self.damping, self.tangential, fade,
-            *self._bed, *self._c_normal,
-        )  # fmt: skip
-        return self.active
-
-    def _offsets(self, t: float) -> float:
-        """Set the offsets at the first step; return which part of them is left at ``t``."""
-        always = self.initial_overlap == "offset"
-        rest = self._lagrange is not None
-        return self.history.faded(self.near.item, t, self.offset_time, always, rest)
-
-    def _apply_law(self, m: int, t: float) -> None:
-        h = self.history
-        c = h.touching[:m]
-        slip = h.slip.take(c, axis=0)
-        rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
-        pressure = h.pressing.take(c) / self.area.take(c)
-        state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
-        try:
-            value = coefficients(self.law, rate, pressure, state)
-        except ValueError as error:
-            raise RuntimeError(f"contact pair {self.name}: {error}") from error
-        h.friction[self.near.item] = np.nan
-        h.friction[c] = value
+        for side in self.passes:
+            side.add(state, force, friction=friction)
 
     # ---- statics --------------------------------------------------------------------------
 
@@ -243,10 +164,8 @@ class ContactPair(Totals):
             state: Displacements as in :meth:`add`; velocities are not read.
             reach: Depth up to which overlap is looked for [m]; a cell if None.
         """
-        depth, c = self.near.deepest(state.u.x.array, reach)
-        if c < 0:
-            return 0.0, -1, np.zeros(3)
-        return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
+        found = [side.penetration(state, reach) for side in self.passes]
+        return max(found, key=lambda entry: entry[0])
 
     def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
         """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
@@ -258,13 +177,91 @@ class ContactPair(Totals):
         Returns:
             See :func:`contact.tangent.stiffness_blocks`.
         """
-        h = self.history
-        c = h.touching[: self._settle(state)]
-        nodes = self.near.nodes
-        nodes = np.column_stack([nodes[c], nodes[self.near.search.quad[h.facet[c]]]])
-        kn = h.stiffness[c]
-        kt = self.tangential * kn if stick else 0.0
-        return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
+        found = [side.tangent(state, stick) for side in self.passes]
+        rows, columns, blocks = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return rows, columns, blocks
+
+    # ---- energies and resultants ----------------------------------------------------------
+
+    @property
+    def active(self) -> int:
+        """Nodes in touch."""
+        return sum(side.active for side in self.passes)
+
+    @property
+    def friction_dissipation(self) -> float:
+        """Work turned into heat by friction since :meth:`reset` [J]."""
+        return float(sum(side.history.total[0] for side in self.passes))
+
+    @property
+    def damping_dissipation(self) -> float:
+        """Work turned into heat by normal damping since :meth:`reset` [J]."""
+        return float(sum(side.history.total[1] for side in self.passes))
+
+    @property
+    def normal_energy(self) -> float:
+        """Energy of the normal springs at the last step [J]."""
+        return float(sum(side.history.total[2] for side in self.passes))
+
+    @property
+    def tangential_energy(self) -> float:
+        """Energy of the tangential springs at the last step [J]."""
+        return float(sum(side.history.total[3] for side in self.passes))
+
+    @property
+    def stored_energy(self) -> float:
+        """Energy of the normal and tangential springs at the last step [J]."""
+        return float(sum(side.history.total[2] + side.history.total[3] for side in self.passes))
+
+    @property
+    def max_penetration(self) -> float:
+        """Deepest penetration at the last step [m]."""
+        return float(max(side.history.total[4] for side in self.passes))
+
+    @property
+    def normal_force(self) -> float:
+        """Sum of the nodal normal forces at the last step [N]."""
+        return float(sum(side.history.total[5] for side in self.passes))
+
+    @property
+    def normal_resultant(self) -> Array:
+        """Vector sum of the normal forces on the contactor, shape ``(3,)`` [N]."""
+        return self._on_contactor(slice(6, 9))
+
+    @property
+    def tangential_force(self) -> Array:
+        """Vector sum of the tangential forces on the contactor, shape ``(3,)`` [N]."""
+        return self._on_contactor(slice(9, 12))
+
+    def _on_contactor(self, part: slice) -> Array:
+        first, *second = (side.history.total[part].copy() for side in self.passes)
+        for reaction in second:
+            first -= reaction
+        return first
+
+    @property
+    def initial_offsets(self) -> tuple[int, float]:
+        """Nodes whose overlap at the start does not count, and the deepest [m]."""
+        count, depth = zip(*(side.history.offsets for side in self.passes), strict=True)
+        return sum(count), max(depth)
+
+    def rest(self, state: State, force: Vector) -> None:
+        """Add the forces in statics: normal springs only, see :meth:`add`."""
+        self.add(state, force, friction=False)
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Return the terms of the energy balance [J], the same on all ranks.
+
+        ``contact`` is stored, of it ``contact_normal`` and ``contact_tangential``;
+        ``friction_dissipation`` and ``damping`` are lost since :meth:`reset`.
+        """
+        return {
+            "contact": self.stored_energy,
+            "contact_normal": self.normal_energy,
+            "contact_tangential": self.tangential_energy,
+            "friction_dissipation": self.friction_dissipation,
+            "damping": self.damping_dissipation,
+        }
 
     # ---- results --------------------------------------------------------------------------
 
@@ -278,20 +275,49 @@ class ContactPair(Totals):
         Returns:
             Contactor ``(nc, 6)`` and target ``(nt, 6)``.
         """
-        self.near.exchange.whole(u, v)
-        xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
-        return xv[:nc], xv[nc:]
+        return self.passes[0].surfaces(u, v)
+
+    def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
+        """Return the contactor's nodes in contact and their patches, same on all ranks.
+
+        In two passes they bear what both press on them; slip and coefficient of friction are those
+        of the first pass, zero at nodes that only the second one presses on.
+
+        Args:
+            stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
+                fraction of the largest tangential nodal force [-].
+        """
+        if len(self.passes) == 1:
+            return self.passes[0].footprint(stick_tolerance)
+        one, two = self.passes
+        c, force, normal = one.nodal_forces()
+        nodes, reaction, back = two.facet_forces()
+        total, direction = np.zeros((2, len(self.contactor.nodes), 3))
+        total[c], direction[c] = force, normal
+        for corner in range(4):
+            np.add.at(total, nodes[:, corner], reaction[:, corner])
+            np.add.at(direction, nodes[:, corner], back)
+        size = np.linalg.norm(direction, axis=1)
+        direction /= np.where(size > 0.0, size, 1.0)[:, None]
+        normal_force = np.einsum("ia,ia->i", total, direction)
+        c = np.flatnonzero(normal_force > 0.0)
+        tangential = total[c] - normal_force[c, None] * direction[c]
+        return one.footprint_on(c, direction[c], normal_force[c], tangential, stick_tolerance)
 
     # ---- memory ---------------------------------------------------------------------------
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        own = {"own": np.array([self.active, self.history.started[0]])}
-        return self.history.saved() | self.near.saved() | own
+        return {
+            f"{i}/{key}": value
+            for i, side in enumerate(self.passes)
+            for key, value in side.memory().items()
+        }
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
-        self.history.load(memory)
-        self.near.load(memory)
-        active, self.history.started[0] = memory["own"]
-        self.active = int(active)
+        for i, side in enumerate(self.passes):
+            prefix = f"{i}/"
+            side.restore(
+                {k.removeprefix(prefix): a for k, a in memory.items() if k.startswith(prefix)}
+            )

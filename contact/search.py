@@ -9,7 +9,8 @@ import numpy.typing as npt
 from contact._kernel import ffi, lib
 from contact.arrays import view
 from contact.smooth import Smooth
-from contact.surface import Surface, facet_areas
+from contact.surface import Surface
+from meshes.quads import area_vectors
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int32]
@@ -32,7 +33,7 @@ def facet_kinds(points: Array, quad: Index, around: Index, ring: Index) -> npt.N
     _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     border = (count[edge.ravel()] == 1).reshape(-1, 4)
     kind = (border << np.arange(4)).sum(axis=1)
-    normal = facet_areas(points, quad)
+    normal = area_vectors(points, quad)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     corner = quad.ravel()
     valence = np.diff(around)
@@ -75,7 +76,7 @@ class Search:
         points = np.vstack([contactor.reference, target.reference])
         self.around, self.ring = node_facets(self.quad, self.n)
         self.kind = facet_kinds(points, self.quad, self.around, self.ring)
-        self.size = np.sqrt(np.linalg.norm(facet_areas(points, self.quad), axis=1))
+        self.size = np.sqrt(np.linalg.norm(area_vectors(points, self.quad), axis=1))
         p = points[self.quad]
         self._longest = float(np.linalg.norm(p[:, [0, 1]] - p[:, [2, 3]], axis=2).max())
         self.live = np.zeros(len(self.quad), dtype=np.uint8)
@@ -128,7 +129,7 @@ class Search:
         near = np.zeros(self.nc, dtype=bool)
         near[item] = True
         quads = self.facets[near[self.facets].any(axis=1)]
-        area = np.repeat(facet_areas(x, quads), 4, axis=0)
+        area = np.repeat(area_vectors(x, quads), 4, axis=0)
         for a in range(3):
             self.outward[:, a] = np.bincount(quads.ravel(), area[:, a], minlength=self.nc)
         length = np.linalg.norm(self.outward, axis=1)

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from contact._kernel import lib
 from contact.arrays import view
-from contact.surface import facet_areas
+from meshes.quads import area_vectors
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int32]
@@ -37,7 +37,7 @@ def smooth_neighbours(points: Array, quad: Index, angle: float) -> Index:
     edge = edge.ravel()
     order = np.argsort(edge, kind="stable")
     order = order[count[edge[order]] == 2].reshape(-1, 2)
-    normal = facet_areas(points, quad)
+    normal = area_vectors(points, quad)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     one, two = order[:, 0] // 4, order[:, 1] // 4
     shared = order[np.einsum("ia,ia->i", normal[one], normal[two]) > np.cos(angle)]

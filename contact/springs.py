@@ -9,7 +9,7 @@ import numpy.typing as npt
 from contact.arrays import view
 from contact.history import History
 from contact.normal_law import node_foundation
-from contact.pair import ContactPair
+from contact.one_pass import Pass
 from contact.state import State
 from contact.surface import Surface
 from contact.tangent import shape_functions, stiffness_blocks
@@ -46,9 +46,7 @@ class Springs:
         return stiffness_blocks(self.nodes, self.xi, self.normal, normal, tangential)
 
 
-def springs(
-    pair: ContactPair, state: State, beds: tuple[Surface, Surface] | None = None
-) -> Springs:
+def springs(pair: Pass, state: State, beds: tuple[Surface, Surface] | None = None) -> Springs:
     """Return the springs of all nodes within a cell of the target; collective.
 
     The pair and its candidates are left as they are.
@@ -75,7 +73,7 @@ def springs(
     crowd = np.maximum(1.0, facing / area[c])  # as effective_mass of kernel/force.c
     effective = 1 / (1 / mass[c] + crowd * (N / mass[quads]).sum(axis=1))
     bed = np.zeros(len(c))
-    if pair.method == "modulus-penalty":
+    if pair.options.method == "modulus-penalty":
         beds = pair.contactor, pair.target
     if beds is not None and beds[1].foundation is not None:
         softer = np.minimum(node_foundation(beds[0])[c], beds[1].foundation[probe.facet[c]])

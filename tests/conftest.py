@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import pickle
-import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -26,6 +25,7 @@ from workflow.cli import main
 from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
+from workflow.simulation.ranks import mpi_command, mpiexec
 from workflow.stability import limits
 
 # workers that compile the same form wait for each other for as long as it takes
@@ -81,16 +81,15 @@ def mpirun() -> Callable[..., Done]:
     The words are those of the interpreter (``-c`` and a snippet, ``-m`` and a module, a file). One
     rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``.
     """
-    beside = Path(sys.executable).with_name("mpiexec")
-    mpiexec = str(beside) if beside.exists() else shutil.which("mpiexec")
+    launcher = mpiexec()
 
     def call(
         ranks: int, *words: object, timeout: float = 300, check: bool = True, **options: Any
     ) -> Done:
-        if ranks > 1 and mpiexec is None:
+        if ranks > 1 and launcher is None:
             pytest.skip("needs mpiexec beside python or on PATH")
-        launch = [mpiexec, "-n", str(ranks)] if ranks > 1 else []
-        command = [*launch, sys.executable, *map(str, words)]
+        python = mpi_command(ranks, []) if ranks > 1 else [sys.executable]
+        command = [*python, *map(str, words)]
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=timeout, check=False, **options
         )

@@ -66,7 +66,7 @@ def test_law_sees_slip_rate_pressure_and_history():
     evaluate(pair, state)
     assert np.isnan(seen[0][2].friction).all() and seen[1][2].friction == pytest.approx(0.1)
     assert seen[1][0] == pytest.approx(np.full(25, 2.0))
-    total = float((seen[1][1] * pair.area[:25]).sum())
+    total = float((seen[1][1] * pair.passes[0].area[:25]).sum())
     assert total == pytest.approx(pair.normal_force)
     assert (seen[1][2].node == plate.nodes).all()
 
@@ -154,7 +154,7 @@ SLIDE = {"output.fields": False, "time.end": 3e-5, "time.output_interval": 1e-6}
 
 def momentum(model) -> float:
     """Momentum of the block along x, at t [kg m/s]."""
-    dofs = model.body_dofs("block")
+    dofs = model.bodies.dofs("block")
     v = model.state.v.x.array + model.dt / 2 * model.state.a.array
     return float(model.mass.array[::3][dofs] @ v.reshape(-1, 3)[dofs, 0])
 

@@ -10,7 +10,6 @@ import pytest
 from contact import ContactPair, rigid_plane
 from contact.normal_law import largest_rates, node_foundation
 from contact.surface import tributary_area
-from contact.two_pass import TwoPass
 from tests.skins import RHO_H, evaluate, plate_on_plane, skin, stacked, two_skins
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
@@ -50,7 +49,7 @@ def test_row_11_action_equals_reaction_and_cone(kind, smooth, friction):
     lower, upper = bedded(*two_skins())
     options = {"dt": 1e-6, "friction": friction, "smooth": smooth}
     if kind == "two passes":
-        pair = TwoPass(upper, lower, damping=0.1, **options)
+        pair = ContactPair(upper, lower, two_pass=True, damping=0.1, **options)
     else:
         pair = ContactPair(upper, lower, **options, **METHODS[kind])
     X, state = stacked(lower, upper)
@@ -69,7 +68,7 @@ def test_row_11_action_equals_reaction_and_cone(kind, smooth, friction):
         size, most = np.abs(f).sum() + 1e-3 * np.abs(load).sum(), max(most, pair.active)
         assert np.abs(f.sum(axis=0)).max() <= 1e-12 * size
         assert np.abs(np.cross(x, f).sum(axis=0)).max() <= 1e-12 * size * 0.05
-        for side in getattr(pair, "passes", (pair,)):
+        for side in pair.passes:
             h = side.history
             over = np.linalg.norm(h.traction, axis=1) - friction * h.pressing
             assert over.max() <= 1e-12 * h.pressing.max() and h.pressing.min() >= 0.0
@@ -136,7 +135,7 @@ def test_lagrange_leaves_no_gap_and_no_tension():
         load[2::3] = mass[2::3] * 1e5 * np.cos(k / 40 * np.pi / 2) * (1 + 0.3 * np.sin(3.0 * k))
         step(pair, state, mass, -load)
         gaps.append((state.u.x.array[2::3] - 1e-6).min())
-        pressing.append(pair.history.pressing.copy())
+        pressing.append(pair.passes[0].history.pressing.copy())
     pressing = np.array(pressing)
     touch = pressing.max(axis=1) > 0
     assert (pressing >= 0).all() and 10 < touch.sum() < 80 and not touch[-30:].any()
@@ -215,7 +214,7 @@ def test_memory_resumes_bitwise(kind, smooth):
 
     def made():
         if kind == "two passes":
-            return TwoPass(upper, lower, **options)
+            return ContactPair(upper, lower, two_pass=True, **options)
         return ContactPair(upper, lower, **options, **METHODS[kind])
 
     one, two = made(), made()
@@ -254,9 +253,9 @@ def test_bad_options(change, message):
         ContactPair(upper, lower, **({"dt": 1e-6} | change))
     plane = rigid_plane((0, 0, 0), (0, 0, 1), 1.0)
     with pytest.raises(ValueError, match="two deformable surfaces"):
-        TwoPass(upper, plane, dt=1e-6)
+        ContactPair(upper, plane, two_pass=True, dt=1e-6)
     with pytest.raises(ValueError, match="expected a penalty method"):
-        TwoPass(upper, lower, dt=1e-6, method="lagrange")
+        ContactPair(upper, lower, two_pass=True, dt=1e-6, method="lagrange")
 
 
 def test_node_foundation_is_the_mean_of_the_facets():
@@ -275,7 +274,7 @@ C = np.sqrt(E / RHO)
 
 def momentum(model, body):
     """Momentum of a body at t, shape ``(3,)`` [kg m/s]."""
-    dofs, state = model.body_dofs(body), model.state
+    dofs, state = model.bodies.dofs(body), model.state
     v = (state.v.x.array + model.dt / 2 * state.a.array).reshape(-1, 3)[dofs]
     return model.mass.array[::3][dofs] @ v
 

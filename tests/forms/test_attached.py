@@ -19,7 +19,8 @@ from forms.springs.step_bound import Attached, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.shapes import blocks
-from workflow.simulation.stepping import State, central_difference, no_hold
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference, no_hold
 
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF
 SOFT = Elastic(1e3, 0.3, 8.0)
@@ -255,7 +256,7 @@ def growth(factor: float, damping: float) -> float:
     sizes = [
         np.abs(masses.v - s.v.x.array.reshape(-1, 3)).max()
         for s in central_difference(
-            state, mass.petsc_vec, [load.add], no_hold, dt, 400 * dt, masses
+            state, mass.petsc_vec, [load.add], no_hold, dt, 400 * dt, [masses]
         )
     ]
     return max(sizes[-40:]) / max(sizes[:40])

@@ -18,7 +18,8 @@ from meshes.hexmesh import join
 from meshes.shapes import blocks
 from meshes.tags import Tag
 from meshes.wheel_rail.seats import below
-from workflow.simulation.stepping import State, central_difference, no_hold
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference, no_hold
 
 COMM = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else MPI.COMM_SELF
 GAP = 0.1

@@ -14,7 +14,7 @@ from forms.springs.step_bound import attached
 from workflow.model.model import Model, build
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.energy import Ledger
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.stepping import steps
 
 STEEL = Elastic(210e9, 0.3, 7800.0)
 LENGTH, SIGMA = 0.6, 0.03
@@ -70,12 +70,9 @@ def bar(waves: str | None, nu: float, safety: float = 0.9) -> Model:
 def reflected(model: Model) -> tuple[float, float, float]:
     """Velocity of the pulse on its way back [m/s]; share of the energy taken; balance error."""
     dt = model.dt
-    steps = int(0.9 * LENGTH / SPEED / dt)  # now its middle, if any, is at 0.6 of the bar
+    count = int(0.9 * LENGTH / SPEED / dt)  # now its middle, if any, is at 0.6 of the bar
     ledger, X = Ledger(model), model.domain.V.tabulate_dof_coordinates()[:, 0]
-    loop = central_difference(
-        model.state, model.mass.petsc_vec, model.loads, model.supports, dt, steps * dt
-    )
-    for state in loop:
+    for state in steps(model, count * dt):
         if state.step == 0:
             ledger.measure()
     energy, error = ledger.measure()

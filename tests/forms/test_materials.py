@@ -24,7 +24,8 @@ from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
 from meshes.domain import Domain, distribute
 from meshes.shapes import blocks
 from meshes.tags import Tag
-from workflow.simulation.stepping import State, central_difference
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference
 
 STEEL = Elastic(210e9, 0.3, 7800.0, damping=1e-6)
 TURN = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))[0]

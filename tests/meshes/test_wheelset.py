@@ -4,10 +4,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshes.hexmesh import FACES, boundary
-from meshes.profiles.from_points import from_points
+from meshes.profiles.measured import from_points
 from meshes.profiles.placement import lateral_shift_for, placed
 from meshes.profiles.profiles import s1002
-from meshes.quality import quality, volumes
+from meshes.quality import cell_volumes, quality
 from meshes.tags import Tag
 from meshes.wheel_rail.axle import Axle
 from meshes.wheel_rail.wheelset import wheelset
@@ -22,7 +22,7 @@ def test_shape_and_volume(mesh):
     """Cells are valid and fill exactly what their surface encloses; no node is left over."""
     _, msh = mesh
     q = quality(msh)
-    assert volumes(msh).min() > 0 and q.scaled_jacobian > 0.25
+    assert cell_volumes(msh.points, msh.cells).min() > 0 and q.scaled_jacobian > 0.25
     assert q.volume == pytest.approx(q.enclosed, rel=1e-12)
     assert set(q.regions) == {"TYRE", "WEB", "HUB", "AXLE"}
     assert np.array_equal(np.unique(msh.cells), np.arange(q.nodes))
@@ -31,7 +31,7 @@ def test_shape_and_volume(mesh):
 def test_mass(mesh):
     """Rim, web and hub weigh 345 kg at 7800 kg/m³; the axle is a stepped cylinder."""
     _, msh = mesh
-    volume = volumes(msh)
+    volume = cell_volumes(msh.points, msh.cells)
     axle = msh.regions == Tag.AXLE
     assert 7800 * volume[~axle].sum() == pytest.approx(345.4, rel=0.03)
     cones = (0.08**2 + 0.08 * 0.092 + 0.092**2, 0.065**2 + 0.065 * 0.092 + 0.092**2)
@@ -112,7 +112,7 @@ def test_any_profile(name, size):
     touch = float(np.interp(-0.01, profile.points[:, 0], profile.s))
     msh = wheelset(size=size, zone=(-0.02, 0.05), profile=profile, touch=touch)
     q = quality(msh)
-    assert volumes(msh).min() > 0 and q.scaled_jacobian > 0.25
+    assert cell_volumes(msh.points, msh.cells).min() > 0 and q.scaled_jacobian > 0.25
     assert q.volume == pytest.approx(q.enclosed, rel=1e-12)
     quads = msh.points[msh.surface(Tag.TREAD)] - [0, 0.75, 0]
     r = np.hypot(quads[..., 0], quads[..., 2])
@@ -160,7 +160,9 @@ def test_placed_wheel():
     )
     axle = (outer - inner) / np.linalg.norm(outer - inner)
     assert axle == pytest.approx([-np.sin(0.02), np.cos(0.02), 0.0], abs=1e-9)
-    assert volumes(moved).sum() == pytest.approx(volumes(msh).sum())
+    assert cell_volumes(moved.points, moved.cells).sum() == pytest.approx(
+        cell_volumes(msh.points, msh.cells).sum()
+    )
     tread = moved.points[np.unique(moved.surface(Tag.TREAD))]
     nearest = np.linalg.norm(tread - p.tread_point, axis=1).min()
     assert nearest < 8e-3

@@ -13,7 +13,6 @@ import pytest
 
 from contact import ContactPair
 from contact.surface import surface
-from contact.two_pass import TwoPass
 from meshes.domain import distribute
 from meshes.tags import Tag
 from tests.stacks import two_blocks
@@ -29,11 +28,11 @@ CASES = {
 }
 
 
-def drive(comm, two_pass=False, **options):
+def drive(comm, **options):
     """Two blocks that slide and spin on each other; the history of forces, as HexMesh arrays."""
     domain = distribute(two_blocks() if comm.rank == 0 else None, comm)
     mass, bulk = np.full(len(domain.nodes), 1e-3), {int(Tag.BLOCK): 1.7e11}
-    pair = (TwoPass if two_pass else ContactPair)(
+    pair = ContactPair(
         surface(domain, 114, mass, bulk=bulk), surface(domain, [111], mass, bulk=bulk), comm=comm,
         dt=1e-6, friction=0.3, **options,
     )  # fmt: skip

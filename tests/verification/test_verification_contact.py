@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Verification of contact in whole runs: rows 8, 9, 10, 11, 12, 23 and 24 (small scenes)."""
 
+from types import SimpleNamespace
+
 from mpi4py import MPI
 
 import h5py
@@ -13,7 +15,7 @@ from contact.theory.closed_forms import bar_impact, sliding_stop
 from workflow import Scene, run
 from workflow.model.model import Model, build
 from workflow.simulation.initial import start
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.stepping import steps
 
 E, NU, RHO = 210e9, 0.3, 7800.0
 C = np.sqrt(E / RHO)  # of a bar
@@ -21,7 +23,7 @@ C = np.sqrt(E / RHO)  # of a bar
 
 def motion(model: Model, body: str, axis: int) -> tuple[float, float]:
     """Mean displacement [m] and momentum [kg m/s] of a body along an axis, both at t."""
-    state, dofs = model.state, model.body_dofs(body)
+    state, dofs = model.state, model.bodies.dofs(body)
     v = state.v.x.array + model.dt / 2 * state.a.array
     m = model.mass.array[::3][dofs]
     u = state.u.x.array.reshape(-1, 3)[dofs, axis]
@@ -241,7 +243,7 @@ def sliding(folder, **changes) -> tuple[dict, dict]:
 
     def probe(m):
         pair = m.pairs["face"]
-        h = pair.history
+        h = pair.passes[0].history
         over = np.linalg.norm(h.traction, axis=1) - FRICTION * h.pressing * (1 + 1e-12)
         lost = pair.friction_dissipation
         return m.state.t, *motion(m, "block", 0), pair.normal_force, over.max(), lost
@@ -292,24 +294,16 @@ def pulled(share: float, ramp: float = 60e-6, end: float = 160e-6) -> dict:
     scene = Scene.load("sliding-block", **{"bodies.block.velocity": [0.0, 0.0, 0.0]})
     model = build(scene, MPI.COMM_SELF)
     start(model, lambda line: None)
-    dofs, pair = model.body_dofs("block"), model.pairs["face"]
+    dofs, pair = model.bodies.dofs("block"), model.pairs["face"]
     most = share * DECELERATION * model.mass.array[::3][dofs]
 
     def pull(state, force):
         grown = 0.5 * (1 - np.cos(np.pi * min(state.t / ramp, 1)))
         force.array.reshape(-1, 3)[dofs, 0] += grown * most
 
-    loop = central_difference(
-        model.state,
-        model.mass.petsc_vec,
-        [*model.loads, pull],
-        model.supports,
-        model.dt,
-        round(end / model.dt) * model.dt,
-        dead=model.dead.nodal,
-    )
+    model.items.append(SimpleNamespace(add=pull))
     rows = []
-    for state in loop:
+    for state in steps(model, round(end / model.dt) * model.dt):
         x, p = motion(model, "block", 0)
         rows.append((state.t, x, p / BLOCK, pair.normal_force, pair.tangential_force[0]))
     return dict(zip(("t", "x", "v", "N", "T"), np.array(rows).T, strict=True))

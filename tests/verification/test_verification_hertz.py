@@ -42,7 +42,7 @@ def nearer(model: Model, depth: float) -> float:
     x, u = model.domain.V.tabulate_dof_coordinates(), model.state.u.x.array.reshape(-1, 3)
     moved = 0.0
     for side, body in zip((1, -1), model.scene.bodies, strict=True):
-        dofs = model.body_dofs(body)
+        dofs = model.bodies.dofs(body)
         axis = dofs[np.hypot(x[dofs, 0], x[dofs, 1]) < 1e-9]
         axis = axis[np.argsort(x[axis, 2])]
         moved -= side * np.interp(side * depth, x[axis, 2], u[axis, 2])
@@ -317,7 +317,7 @@ def struck(scene: Scene, folder: Path, also: Watch = unwatched) -> dict:
         nonlocal mass, dofs
         also(model)
         if not rows:
-            dofs = model.body_dofs("ram")
+            dofs = model.bodies.dofs("ram")
             mass = model.mass.array[::3][dofs].copy()
         v = (model.state.v.x.array + model.dt / 2 * model.state.a.array).reshape(-1, 3)
         rows.append((model.state.t, model.pairs["touch"].normal_force, mass @ v[dofs, 2]))

@@ -162,7 +162,7 @@ def test_row_5_oscillator_is_second_order_in_dt():
         load, dt = Connections(MPI.COMM_SELF, masses, [], 20 / n), 20 / n
         model = bar(2)  # at rest: it only gives the loop its arrays
         loop = central_difference(
-            model.state, model.mass.petsc_vec, [load.add], model.supports, dt, 20.0, masses
+            model.state, model.mass.petsc_vec, [load.add], model.supports, dt, 20.0, [masses]
         )
         for _ in loop:
             pass

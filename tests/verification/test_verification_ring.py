@@ -24,7 +24,8 @@ from forms.time_step import cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from meshes.tags import Tag
-from workflow.simulation.stepping import State, central_difference, no_hold
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference, no_hold
 
 STEEL = Elastic(210e9, 0.3, 7800.0)
 # as stiff in one direction as steel: turns in and out of the hoop twice a revolution

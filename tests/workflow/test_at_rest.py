@@ -12,7 +12,7 @@ from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import Profile, s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
-from workflow.results.record import Patch, Record
+from workflow.results.record import PatchNodes, Record
 from workflow.theory.at_rest import at_rest, half_axes, standing
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)
@@ -73,7 +73,7 @@ def test_standing_is_read_from_the_surface():
     deep = rng.uniform(-0.01, -0.002, (300, 1)) * up
     other = points[:300] + deep
     one = np.ones(100)
-    patch = Patch(
+    patch = PatchNodes(
         centre + 1e-3 * rng.normal(size=(100, 3)), np.tile(up, (100, 1)), one,
         np.zeros((100, 3)), one * np.pi * 0.005**2 / 100, one, one > 0,
     )  # fmt: skip
@@ -98,7 +98,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     rest = at_rest(record)
     assert rest is not None
     assert rest.error < 0.06
-    assert rest.patch.angle == pytest.approx(rest.expected.angle, abs=1.0)
+    assert np.degrees(rest.patch.contact_angle) == pytest.approx(rest.expected.angle, abs=1.0)
     found = rest.found
     assert found["nodes"][1:3] == pytest.approx(found["half-space"][1:3], rel=0.15)
     assert found["half-space"][2] > 1.2 * found["Hertz"][2]

@@ -13,7 +13,7 @@ from contact.tangent import shape_functions
 from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow import Scene, run
 from workflow.audit.advice import landing_gain
-from workflow.audit.audit import in_words, report
+from workflow.audit.audit import printout, report
 from workflow.audit.limits import Limits
 from workflow.model.model import build
 from workflow.simulation.initial import start
@@ -63,13 +63,13 @@ def test_springs_are_those_of_the_kernel():
     """Every touching node has the stiffness that the pair gave it when it touched, before the
     bodies had come to rest and moved by 1e-5 of a facet."""
     model = at_rest()
-    pair = model.pairs["face"]
-    found = springs(pair, model.state)
-    c = pair.history.touching[: pair.active]
+    side = model.pairs["face"].passes[0]
+    found = springs(side, model.state)
+    c = side.history.touching[: side.active]
     nodes = list(found.nodes[:, 0])
-    mine = found.mass[[nodes.index(pair.contactor.nodes[i]) for i in c]]
+    mine = found.mass[[nodes.index(side.contactor.nodes[i]) for i in c]]
     np.testing.assert_allclose(
-        pair.penalty * mine / model.dt**2, pair.history.stiffness[c], rtol=1e-4
+        side.options.penalty * mine / model.dt**2, side.history.stiffness[c], rtol=1e-4
     )
 
 
@@ -156,7 +156,7 @@ def test_turning_bodies_are_doubted():
         "bodies.roller.kinematics": "small-strain", "equilibrium.tolerance": 1e-3}))  # fmt: skip
     told = "\n".join(found["doubts"])
     assert "bodies.roller.kinematics = 'small-strain'" in told and "float32" in told
-    assert any("steps of" in line for line in in_words(found))
+    assert any("steps of" in line for line in printout(found))
 
 
 @pytest.mark.parametrize("p, gain", [(1.0, 0.0), (2.0, 0.0), (3.0, 0.75), (2.5, 25 / 108)])

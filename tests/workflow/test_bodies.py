@@ -12,8 +12,8 @@ from forms.springs.connections import Connections, Spread
 from forms.springs.point_masses import PointMasses
 from forms.springs.step_bound import attached, joined_step
 from workflow import Scene, run
-from workflow.model.bodies import step_bound
 from workflow.model.model import build
+from workflow.model.step import step_bound
 from workflow.results.record import Record
 from workflow.scene.scene import SceneError
 

@@ -59,9 +59,10 @@ def test_error_of_hertz_is_that_of_his_pressure(tmp_path):
     )
     record = Record(tmp_path / "h")
     patch = record.contacts["touch"].patches[-1][1]
-    hertz = hertz_sphere(4 * patch.pressing.sum(), 0.1, contact_modulus(210e9, 0.3, 210e9, 0.3))
+    modulus = contact_modulus(210e9, 0.3, 210e9, 0.3)
+    hertz = hertz_sphere(4 * patch.normal_forces.sum(), 0.1, modulus)
     r = np.hypot(*patch.position[:, :2].T)
-    off = (patch.pressing / patch.areas - hertz.pressure(r))[r < 0.7 * hertz.a] / hertz.p0
+    off = (patch.pressure - hertz.pressure(r))[r < 0.7 * hertz.a] / hertz.p0
     found = closed_form_error(record)
     assert found is not None and found.quantity == "pressure, Hertz"
     assert found.error == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-9)

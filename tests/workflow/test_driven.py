@@ -67,7 +67,7 @@ def test_rolling_keeps_to_the_rigid_motion_and_balances(tmp_path):
     ).history
     model, t = kept[0], kept[0].state.t
     u, X = model.state.u.x.array.reshape(-1, 3), model.domain.V.tabulate_dof_coordinates()
-    bore, bottom = (carried.dofs for carried in model.drives.carried)
+    bore, bottom = (carried.dofs for carried in model.hold.carried)
     np.testing.assert_allclose(u[bottom], np.tile([-20.0 * t, 0, 0], (len(bottom), 1)), atol=1e-12)
     angle, arm = 202.0 * t, X[bore] - [0, 0, 0.1]
     turned = np.column_stack(
@@ -91,7 +91,7 @@ def test_steady_start_lets_the_material_flow_through_the_pattern():
     """
     model = build(Scene.check(SMALL), MPI.COMM_SELF)
     start(model, lambda line: None)
-    X, dofs = model.domain.V.tabulate_dof_coordinates(), model.body_dofs("block")
+    X, dofs = model.domain.V.tabulate_dof_coordinates(), model.bodies.dofs("block")
     row = dofs[(np.abs(X[dofs, 1]) < 1e-9) & (np.abs(X[dofs, 0]) < 0.0041)]
     depths = np.unique(X[row, 2].round(9))
     row = row[np.isclose(X[row, 2], depths[len(depths) // 2])]
@@ -116,12 +116,12 @@ def test_shift_ends_at_rest(tmp_path):
 
     def watch(model: Model) -> None:
         kept[:] = [model]
-        bore = model.drives.carried[0].dofs
+        bore = model.hold.carried[0].dofs
         seen.append(model.state.u.x.array.reshape(-1, 3)[bore, 0].mean())
 
     history = run(Scene.check(SMALL).with_(**changes), tmp_path, watch=watch, quiet=True).history
     model = kept[0]
-    bore = model.drives.carried[0].dofs
+    bore = model.hold.carried[0].dofs
     u, v = (f.x.array.reshape(-1, 3)[bore] for f in (model.state.u, model.state.v))
     np.testing.assert_allclose(u, np.tile([1e-6, 0, -1.5e-5], (len(bore), 1)), atol=1e-9)
     assert np.abs(v).max() < 1e-5

@@ -33,6 +33,14 @@ def test_own_residual_ends_on_the_golden_ratio():
     assert found and float(found[1]) == pytest.approx((1 + 5**0.5) / 2, abs=2e-9)
 
 
+def test_own_item_swings_as_its_roots_say():
+    """A bar on an air spring with an orifice: roots of a cubic; ledger and resume to round-off."""
+    text = printed("own_item.py")
+    assert numbers(text, "displacement")[0] < 2e-5
+    assert numbers(text, "ledger")[0] < 1e-13
+    assert numbers(text, "resumed")[0] == 0.0
+
+
 def test_own_material_ends_on_mooneys_stress():
     """A rod of Mooney's rubber pulled to twice its length: 2 (Λ² − 1/Λ) (c₁ + c₂/Λ), to c/κ."""
     found = re.search(r"^stress (\d+) Pa", printed("own_material.py"), re.MULTILINE)

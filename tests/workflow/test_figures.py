@@ -227,9 +227,9 @@ def test_patches_keep_place_and_force(transition):
     np.testing.assert_allclose(rail_top, [loads(k)[0] for k in range(OUTPUTS)])
     np.testing.assert_allclose(corner[BIRTH:], [loads(k)[1] for k in range(BIRTH, OUTPUTS)])
     assert np.isnan(corner[:BIRTH]).all()
-    angle = np.degrees([placement.tread_angle, placement.flange_angle])
-    np.testing.assert_allclose(contact.series(1, "angle"), angle[0], atol=3)
-    np.testing.assert_allclose(contact.series(2, "angle")[BIRTH:], angle[1], atol=3)
+    angle, near = [placement.tread_angle, placement.flange_angle], np.radians(3)
+    np.testing.assert_allclose(contact.series(1, "contact_angle"), angle[0], atol=near)
+    np.testing.assert_allclose(contact.series(2, "contact_angle")[BIRTH:], angle[1], atol=near)
     assert telling_output(contact) == OUTPUTS - 1
 
 

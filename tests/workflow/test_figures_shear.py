@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workflow.figures.shear import centre_row, moments
-from workflow.results.record import Contact, Patch, patches_of
+from workflow.results.record import Contact, PatchNodes, patches_of
 
 
 def patch(nodes, *, shear=(0.0, 0.0), normal=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0), size=2e-3):
@@ -15,7 +15,7 @@ def patch(nodes, *, shear=(0.0, 0.0), normal=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0)
     position = np.column_stack([grid, np.zeros(len(grid))]) + at
     one = np.ones(len(grid))
     traction = np.tile([*shear, 0.0], (len(grid), 1)) * size**2
-    return Patch(position, np.tile(normal, (len(grid), 1)), 1e9 * size**2 * one, traction,
+    return PatchNodes(position, np.tile(normal, (len(grid), 1)), 1e9 * size**2 * one, traction,
                  size**2 * one, 0.5 * one, one > 0)  # fmt: skip
 
 
@@ -46,7 +46,7 @@ def test_centre_row_has_one_node_a_column():
     """Rows that end half way and lie closer than the nodes along them: no way back and forth."""
     one = patch((8, 1))
     other = patch((3, 1), at=(-5e-3, 0.8e-3, 0.0))
-    both = Patch(*(np.concatenate([getattr(p, k) for p in (one, other)]) for k in vars(one)))
+    both = PatchNodes(*(np.concatenate([getattr(p, k) for p in (one, other)]) for k in vars(one)))
     x = both.local[centre_row(both), 0]
     assert len(x) == 8 and (np.diff(x) > 1e-3).all()
 
@@ -56,7 +56,7 @@ def test_angle_is_that_of_the_shear_on_the_lower_body(angle):
     """The wheel is pushed forward and to the field side, the rail back and to the gauge side."""
     a = np.radians(angle)
     one = patch((4, 3), shear=(2e8 * np.cos(a), 2e8 * np.sin(a)))
-    assert one.shear_angle == pytest.approx(angle)
+    assert one.shear_angle == pytest.approx(a)
     assert one.longitudinal_shear == pytest.approx(-2e8 * np.cos(a), abs=1)
     assert one.lateral_shear == pytest.approx(-2e8 * np.sin(a), abs=1)
     assert np.isnan(patch((4, 3), shear=(1e5, 0.0)).shear_angle)
@@ -67,14 +67,14 @@ def test_angle_does_not_depend_on_which_body_has_the_contactor_nodes():
     arrays = {
         "position": one.position,
         "normal": one.normal,
-        "normal_force": one.pressing,
-        "tangential_force": one.traction,
+        "normal_force": one.normal_forces,
+        "tangential_force": one.tangential_forces,
         "area": one.areas,
         "patch": np.zeros(12, dtype=int),
         "stick": one.stick,
         "friction": one.friction,
     }
-    other = arrays | {"normal": -one.normal, "tangential_force": -one.traction}
+    other = arrays | {"normal": -one.normal, "tangential_force": -one.tangential_forces}
     for found in (patches_of(arrays)[1], patches_of(other)[1]):
         assert found.shear_angle == pytest.approx(one.shear_angle)
         np.testing.assert_allclose(found.shear, one.shear)

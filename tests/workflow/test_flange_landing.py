@@ -23,7 +23,7 @@ LANDING = {
 
 def vertical(model: Model) -> tuple[float, ...]:
     """Vertical momentum at t − dt/2 and contact, suspension and weight force of the wheelset."""
-    pair, state, dofs = model.pairs["wheel_rail"], model.state, model.body_dofs("wheelset")
+    pair, state, dofs = model.pairs["wheel_rail"], model.state, model.bodies.dofs("wheelset")
     m = model.mass.array[::3][dofs]
     assert model.connections is not None
     spring = model.connections.links[-1]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from workflow import Scene
-from workflow.audit.mesh import report, summary, write
+from workflow.audit.figures import write
+from workflow.audit.mesh import report, summary
 
 
 def test_step_of_a_cube():

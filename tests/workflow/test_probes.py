@@ -94,7 +94,7 @@ def test_nodal_forces_sum_to_the_total(sampled):
     _, samples, _ = sampled
     pair = samples.pairs["wall"]
     total = np.zeros_like(pair.normal)
-    np.add.at(total, pair.sample, pair.pressing)
+    np.add.at(total, pair.sample, pair.normal_forces)
     np.testing.assert_allclose(total, pair.normal, atol=3e-7 * np.abs(pair.normal).max())
     np.testing.assert_array_equal(pair.reference(pair.node)[:, 0], 0.0)
     assert pair.body == "bar"
@@ -179,7 +179,7 @@ def test_two_ranks_sample_the_same(squealx, sampled, tmp_path):
     np.testing.assert_array_equal(one.t, two.t)
     for name, motion in one.motion.items():
         np.testing.assert_allclose(two.motion[name], motion, atol=1e-10 * np.abs(motion).max())
-    for key in ("normal", "pressing", "places"):
+    for key in ("normal", "normal_forces", "places"):
         a, b = (getattr(x.pairs["wall"], key) for x in (one, two))
         np.testing.assert_allclose(a, b, atol=1e-7 * np.abs(a).max())
     np.testing.assert_array_equal(one.pairs["wall"].node, two.pairs["wall"].node)

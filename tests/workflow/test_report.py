@@ -110,7 +110,7 @@ def test_page_tells_settings_results_and_how(block):
     assert "stepping: " in page.text and "audit: step" in page.text
     assert "internal force" in page.text and "squealx run sliding-block --set" in page.text
     rows = {(t.title, key): (value, unit) for t in settings(record.checked)
-            for key, value, unit in t.rows}  # fmt: skip
+            for key, value, unit in t.cells}  # fmt: skip
     assert rows["bodies.block", "material.youngs_modulus"] == ("2.1\u202f×\u202f10¹¹", "Pa")
     assert rows["loads.0", "traction"][1] == "Pa" and rows["time", "end"][1] == "s"
     leaves = json.dumps(record.checked.tables()).count('": ')

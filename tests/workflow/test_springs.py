@@ -36,7 +36,7 @@ def test_block_behind_a_moving_spring(tmp_path):
     rows = []
 
     def watch(model):
-        dofs = model.body_dofs("bar")
+        dofs = model.bodies.dofs("bar")
         m, u = model.mass.array[::3][dofs], model.state.u.x.array.reshape(-1, 3)[dofs, 0]
         rows.append((model.state.t, m @ u / m.sum()))
 

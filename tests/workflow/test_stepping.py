@@ -122,7 +122,7 @@ def test_point_masses_fly_with_the_bodies(model):
     masses.v[0, 0] = 5.0
     load = Connections(MPI.COMM_SELF, masses, [], dt).add
     loop = central_difference(
-        model.state, model.mass.petsc_vec, [load], no_hold, dt, 7 * dt, masses
+        model.state, model.mass.petsc_vec, [load], no_hold, dt, 7 * dt, [masses]
     )
     for s in loop:
         np.testing.assert_allclose(masses.u[0], [5.0 * s.t, 0, 0] + G * s.t**2 / 2, rtol=1e-13)

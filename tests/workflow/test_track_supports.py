@@ -21,11 +21,11 @@ from meshes.wheel_rail.rail import rail
 from meshes.wheel_rail.sleepers import sleepers
 from tests.beams import beam_section, foundation_deflection
 from workflow.model.model import Model, build
-from workflow.model.track import follow, sleeper_bodies
+from workflow.model.track import sleeper_bodies
 from workflow.scene.scene import Scene, SceneError
-from workflow.simulation.equilibrium import equilibrium
-from workflow.simulation.initial import start
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.initial import rest, start
+from workflow.simulation.rolling import follow
+from workflow.simulation.stepping import steps
 
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
 CONCRETE = {"youngs_modulus": 38.4e9, "poisson_ratio": 0.2, "density": 2520.0}
@@ -95,7 +95,7 @@ def test_all_parts_of_a_solid_track(tmp_path):
     np.testing.assert_allclose(ballast.stiffness.sum(axis=0), [0, 0, 3 * BALLAST])
     np.testing.assert_allclose(ballast.damping.sum(axis=0), [0, 0, 3 * 32e3])
     assert (ballast.point == -1).all() and not len(model.connections.masses.mass)
-    mass = model.mass.array[::3][model.body_dofs("sleepers")].sum()
+    mass = model.mass.array[::3][model.bodies.dofs("sleepers")].sum()
     assert mass == pytest.approx(3 * 219.0, rel=1e-3)
 
 
@@ -118,10 +118,10 @@ def test_the_track_carries_its_weight(tmp_path, solid):
     model = build(
         scene(tmp_path, solid=solid, gravity=[0.0, 0.0, -9.81], equilibrium={}), MPI.COMM_SELF
     )
-    equilibrium(model, model.scene.equilibrium, np.zeros(0), lambda line: None)
+    rest(model)
     u, m = model.state.u.x.array, model.mass.array[::3]
-    weight = 9.81 * m[model.body_dofs("rail")].sum()
-    sleeper = 9.81 * (m[model.body_dofs("sleepers")].sum() if solid else 3 * 219.0)
+    weight = 9.81 * m[model.bodies.dofs("rail")].sum()
+    sleeper = 9.81 * (m[model.bodies.dofs("sleepers")].sum() if solid else 3 * 219.0)
     if solid:
         (pads,), (ballast,) = links(model, Between), links(model, Spread)
         carried = -(ballast.stiffness * ballast.stretch(u, NOBODY)).sum(axis=0)[2]
@@ -164,7 +164,7 @@ def test_row_20_deflection_on_pads_and_sleepers(tmp_path):
         load = {"surface": surface, "traction": [0.0, 0.0, -1e5 / area.sum()]}
         entry = scene(tmp_path, length=8.0, inclination=0.0, loads=[load], **rigid)
         model = build(entry, MPI.COMM_SELF)
-        equilibrium(model, model.scene.equilibrium, np.zeros(0), lambda line: None)
+        rest(model)
         X = model.domain.V.tabulate_dof_coordinates()
         web = (np.abs(X[:, 0] - x) < 0.02) & (np.abs(X[:, 2] - section.centroid[1]) < 0.02)
         found.append(-model.state.u.x.array[2::3][web].mean())
@@ -176,14 +176,14 @@ def test_sleepers_start_with_the_rail_over_them(tmp_path, solid):
     """A rail that turns about y with 0.1 rad/s: each sleeper moves as the rail at its middle."""
     model = build(scene(tmp_path, solid=solid), MPI.COMM_SELF)
     X, v = model.domain.V.tabulate_dof_coordinates(), model.state.v.x.array.reshape(-1, 3)
-    over = model.body_dofs("rail")
+    over = model.bodies.dofs("rail")
     v[over, 2] = 0.2 - 0.1 * X[over, 0]
     follow(model)
     middles = SPACING * np.arange(-1, 2)
     if not solid:
         np.testing.assert_allclose(model.connections.masses.v[:, 2], 0.2 - 0.1 * middles)
         return
-    dofs = model.body_dofs("sleepers")
+    dofs = model.bodies.dofs("sleepers")
     nearest = SPACING * np.round(X[dofs, 0] / SPACING)
     np.testing.assert_allclose(v[dofs, 2], 0.2 - 0.1 * nearest, rtol=1e-12)
     assert sleeper_bodies(model.scene, model.domain) == {"sleepers"}
@@ -247,15 +247,11 @@ def test_vehicle_is_preloaded_and_starts_without_a_jump():
     assert isinstance(connections, Connections)
     stretch = suspension.stretch(u, connections.masses.u)[2]
     assert 1e6 * stretch == pytest.approx(50 * 9.81, rel=1e-9)
-    block = model.mass.array[::3][model.body_dofs("block")].sum()
+    block = model.mass.array[::3][model.bodies.dofs("block")].sum()
     (pair,) = model.pairs.values()
     assert pair.normal_resultant[2] == pytest.approx(9.81 * (50 + block), rel=1e-6)
     assert not model.state.v.x.array.any() and not connections.masses.v.any()
-    loop = central_difference(
-        model.state, model.mass.petsc_vec, model.loads, model.supports, model.dt,
-        500 * model.dt, connections.masses, model.dead.nodal,
-    )  # fmt: skip
-    fastest = max(np.abs(s.v.x.array).max() for s in loop)
+    fastest = max(np.abs(s.v.x.array).max() for s in steps(model, 500 * model.dt))
     assert model.state.step == 500
     assert fastest < 1e-6 * 9.81 * 50 / block * 500 * model.dt
     assert np.abs(connections.masses.v).max() < 1e-6 * 9.81 * 500 * model.dt

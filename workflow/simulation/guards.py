@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What stops a run that has gone wrong, and what it says."""
+"""Run-time guards: non-finite values, energy balance, penetration, lost contact."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from workflow.model.regions import place
+
 if TYPE_CHECKING:
+    from contact.one_pass import Pass
     from contact.pair import ContactPair
     from workflow.model.model import Model
 
@@ -25,8 +28,10 @@ def check_finite(model: "Model") -> None:
     comm, a = model.domain.msh.comm, model.state.a.array[: 3 * model.domain.owned]
     size = np.nan_to_num(np.abs(a).reshape(-1, 3).max(axis=1), nan=np.inf)
     worst = int(np.argmax(size)) if len(size) else -1
-    found = comm.allgather((float(size[worst]), place(model, worst)) if len(size) else (-1.0, ""))
-    _, where = max(found)
+    here = (
+        (float(size[worst]), place(model.domain, model.scene, worst)) if len(size) else (-1.0, "")
+    )
+    _, where = max(comm.allgather(here))
     raise GuardError(
         f"non-finite acceleration at step {model.state.step}, t = {model.state.t:.6e} s, {where}; "
         f"dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s: a smaller time.safety or contact "
@@ -34,20 +39,8 @@ def check_finite(model: "Model") -> None:
     )
 
 
-def place(model: "Model", dof: int) -> str:
-    """Return in words which body and node an owned dof block belongs to, and where it is."""
-    domain = model.domain
-    node = int(domain.nodes[dof])
-    cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
-    region = domain.source.name(int(domain.source.regions[cell]))
-    bodies = model.scene.bodies.items()
-    body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
-    x, y, z = domain.source.points[node]
-    return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
-
-
 class Watch:
-    """The guards that look at energy and contact at every output and between.
+    """Guards of energy and contact, at every output and between.
 
     Args:
         model: The model.
@@ -56,7 +49,7 @@ class Watch:
     def __init__(self, model: "Model") -> None:
         self.model = model
         self.sizes = {
-            name: [node_sizes(side) for side in sides(pair)] for name, pair in model.pairs.items()
+            name: [node_sizes(side) for side in pair.passes] for name, pair in model.pairs.items()
         }
         self.seen: dict[str, str] = {}
 
@@ -71,13 +64,13 @@ class Watch:
         """
         check_energy(self.model, error)
         for name, pair in self.model.pairs.items():
-            for side, sizes in zip(sides(pair), self.sizes[name], strict=True):
+            for side, sizes in zip(pair.passes, self.sizes[name], strict=True):
                 self._depth(name, side, sizes)
             if self.model.scene.contacts[name].keep:
                 self._touch(name, pair)
 
-    def _depth(self, name: str, pair: "ContactPair", sizes: npt.NDArray[np.float64]) -> None:
-        c, h = pair.history.touching[: pair.active], pair.history
+    def _depth(self, name: str, side: "Pass", sizes: npt.NDArray[np.float64]) -> None:
+        c, h = side.history.touching[: side.active], side.history
         if not len(c):
             return
         share = -h.gap[c] / sizes[c]
@@ -87,7 +80,7 @@ class Watch:
             raise GuardError(
                 f"contact {name}: penetration {-h.gap[node]:.3e} m, {share[worst]:.0%} of the "
                 f"cell, is over guards.penetration = {limit:.0%} at {self._when()}, "
-                f"{where(pair, node)}; "
+                f"{where(side, node)}; "
                 "likely a load or an approach too fast for the contact springs: a larger "
                 f"contacts.{name}.penalty, a smaller time.safety (it stiffens them) or a slower "
                 "start is the usual remedy"
@@ -95,7 +88,7 @@ class Watch:
 
     def _touch(self, name: str, pair: "ContactPair") -> None:
         if pair.normal_force > 0.0:
-            side = max(sides(pair), key=lambda one: one.normal_force)
+            side = max(pair.passes, key=lambda one: one.history.total[5])
             c = side.history.touching[: side.active]
             top = int(c[np.argmax(side.history.pressing[c])])
             self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(side, top)}"
@@ -111,22 +104,17 @@ class Watch:
         return f"step {self.model.state.step}, t = {self.model.state.t:.6e} s"
 
 
-def sides(pair: Any) -> tuple["ContactPair", ...]:
-    """Return the passes of a pair: itself, or both of a contact in two passes."""
-    return getattr(pair, "passes", (pair,))
-
-
-def node_sizes(pair: "ContactPair") -> npt.NDArray[np.float64]:
+def node_sizes(side: "Pass") -> npt.NDArray[np.float64]:
     """Return the edge of the cells around each contactor node [m], shape ``(nc,)``.
 
     That is the mean edge of the facets around it; of the target's, if the contactor is rigid.
     """
     from contact.search import typical_edge
 
-    surface = pair.contactor
+    surface = side.contactor
     n = len(surface.nodes)
     if surface.rigid:
-        return np.full(n, typical_edge(pair.target))
+        return np.full(n, typical_edge(side.target))
     quads = surface.facets
     corners = surface.reference[quads]
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
@@ -134,10 +122,10 @@ def node_sizes(pair: "ContactPair") -> npt.NDArray[np.float64]:
     return np.asarray(total / np.maximum(np.bincount(quads.ravel(), minlength=n), 1))
 
 
-def where(pair: "ContactPair", node: int) -> str:
+def where(side: "Pass", node: int) -> str:
     """Return which node of a contactor is meant and where it is, in words."""
-    x, y, z = pair.near.exchange.xv[node, :3]
-    return f"node {pair.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+    x, y, z = side.near.exchange.xv[node, :3]
+    return f"node {side.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 
 def check_energy(model: "Model", error: float) -> None:

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""One pass of a contact: the nodes of one surface on the facets of another."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from contact._kernel import ffi, lib
+from contact.arrays import view
+from contact.footprint import Footprint, footprint_of
+from contact.friction import Coulomb, LawState, coefficients
+from contact.history import History
+from contact.lagrange import Lagrange
+from contact.neighbourhood import Neighbourhood
+from contact.normal_law import node_foundation
+from contact.options import Options
+from contact.patches import beside, parted
+from contact.state import State, Vector
+from contact.surface import Surface, tributary_area
+from contact.tangent import shape_functions, stiffness_blocks
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+
+STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
+
+
+class Pass:
+    """Contactor nodes against target facets, see :class:`contact.pair.ContactPair`.
+
+    Attributes:
+        contactor, target: Its surfaces.
+        options: Its options.
+        area: Tributary area of all nodes, contactor first, shape ``(n,)`` [m2].
+        near: Candidates.
+        history: Contact of each contactor node.
+        active: Contactor nodes in touch.
+    """
+
+    def __init__(
+        self,
+        contactor: Surface,
+        target: Surface,
+        options: Options,
+        *,
+        comm: "MPI.Comm | None" = None,
+        name: str,
+    ) -> None:
+        """Set up the pass; collective.
+
+        Args:
+            contactor: Surface whose nodes touch.
+            target: Surface whose facets are touched.
+            options: Options, checked.
+            comm: Ranks that share the surfaces; None for one process.
+            name: Name of the pair for messages.
+        """
+        self.contactor, self.target = contactor, target
+        self.options, self.dt, self.name = options, options.dt, name
+        below = options.sharp_angle if options.smooth else None
+        self.near = Neighbourhood(contactor, target, comm, options.reach, name, below)
+        self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
+        lasting = options.method == "lagrange"
+        self.history = History(len(contactor.nodes), np.inf if lasting else options.tangential)
+        self._bind()
+        self._lagrange = Lagrange(self.near, self.history, self._fixed) if lasting else None
+        self.reset()
+
+    def _bind(self) -> None:
+        """Collect the arguments of the kernel calls that stay the same."""
+        n = len(self.area)
+        self._mass = np.concatenate([self.contactor.mass, self.target.mass])
+        self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
+        arrays: dict[str, npt.NDArray[Any]] = {
+            "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
+            "quad": self.near.search.quad,
+        }  # fmt: skip
+        assert self._mass.shape == self._dofs.shape == (n,)
+        self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
+        self._bed = (ffi.NULL, ffi.NULL)
+        if self.options.method == "modulus-penalty":
+            bed = node_foundation(self.contactor)
+            if self.target.foundation is None:
+                raise ValueError(f"surface {self.target.name}: expected bulk moduli")
+            self._bed = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
+        c = self.history.c | self._fixed
+        normal = "xv mass area quad facet xi normal gap stiffness damper offset"
+        normal += " pressing drag traction slip touching total"
+        friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
+        self._c_normal = tuple(c[key] for key in normal.split())
+        self._c_friction = tuple(c[key] for key in friction.split())
+
+    def reset(self) -> None:
+        """Forget all contact: no node touches, no traction, nothing dissipated."""
+        self.history.clear()
+        self.history.total[:] = 0.0
+        self.history.started[:] = np.nan
+        constant = self.options.law.friction if isinstance(self.options.law, Coulomb) else np.nan
+        self.history.friction[:] = constant
+        self.near.forget()
+        self.active = 0
+
+    # ---- one step -------------------------------------------------------------------------
+
+    def add(self, state: State, force: Vector, *, friction: bool = True) -> None:
+        """Add the contact forces of the present state to ``force`` on owned dofs; collective.
+
+        Args:
+            state: ``u.x.array`` at t and ``v.x.array`` at t - dt/2, flat, block size 3 [m, m/s].
+            force: ``array``, flat, block size 3 [N].
+            friction: False in statics: normal springs only, a function of ``u`` alone, found
+                by a new search wherever the bodies moved; drops the tangential history.
+        """
+        if not friction:
+            m = self._settle(state)
+            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
+        else:
+            self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
+            if self._lagrange is not None:
+                self._close(self._lagrange, state, force.array)
+                return
+            m = self._press(self.dt, state.t)
+            if not isinstance(self.options.law, Coulomb):
+                self._apply_law(m, state.t)
+            coefficient = self.history.c["friction"]
+        lib.wr_friction(
+            m, self.history.c["touching"], self.options.tangential, coefficient, *self._c_friction,
+            view("force", force.array, (-1,), out=True), self.history.c["total"],
+        )  # fmt: skip
+
+    def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
+        """Add the forces that leave no gap at the next step."""
+        near = self.near
+        # at the start v is at t, and the stepping takes half a step to get to t - dt/2
+        kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
+        if np.isnan(self.history.started[0]):  # offsets are those of the present gaps
+            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.history.c)
+        fade = self._offsets(state.t)
+        lagrange.predict(force, self.dt, kick, self.active)
+        if not isinstance(self.options.law, Coulomb):
+            self._apply_law(self.active, state.t)
+        self.active = lagrange.solve(force, self.dt, kick, fade)
+
+    def _settle(self, state: State) -> int:
+        """Find the contact of a state at rest; return the number of touching nodes."""
+        self.near.settle(state.u.x.array, self.history)
+        self.history.traction[:] = 0.0
+        self.history.started[:] = np.nan
+        return self._press(0.0, state.t)
+
+    def _press(self, dt: float, t: float) -> int:
+        """Track the candidates and find their normal forces; return how many touch."""
+        o, near, k = self.options, self.near, len(self.near.item)
+        near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
+        per_mass = o.penalty / self.dt**2
+        if self._lagrange is not None:
+            per_mass *= 1.0 if self.near.search.smooth else STATIC
+        fade = self._offsets(t) if dt > 0.0 else 0.0
+        self.active = lib.wr_normal(
+            k, near.c_item, dt, per_mass, o.penalty, o.damping, o.tangential, fade,
+            *self._bed, *self._c_normal,
+        )  # fmt: skip
+        return self.active
+
+    def _offsets(self, t: float) -> float:
+        """Set the offsets at the first step; return which part of them is left at ``t``."""
+        always = self.options.initial_overlap == "offset"
+        rest = self._lagrange is not None
+        return self.history.faded(self.near.item, t, self.options.offset_time, always, rest)
+
+    def _apply_law(self, m: int, t: float) -> None:
+        h = self.history
+        c = h.touching[:m]
+        slip = h.slip.take(c, axis=0)
+        rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
+        pressure = h.pressing.take(c) / self.area.take(c)
+        state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
+        try:
+            value = coefficients(self.options.law, rate, pressure, state)
+        except ValueError as error:
+            raise RuntimeError(f"contact pair {self.name}: {error}") from error
+        h.friction[self.near.item] = np.nan
+        h.friction[c] = value
+
+    # ---- statics --------------------------------------------------------------------------
+
+    def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
+        """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].
+
+        Depth 0 and node -1 where nothing penetrates; collective.
+
+        Args:
+            state: Displacements as in :meth:`add`; velocities are not read.
+            reach: Depth up to which overlap is looked for [m]; a cell if None.
+        """
+        depth, c = self.near.deepest(state.u.x.array, reach)
+        if c < 0:
+            return 0.0, -1, np.zeros(3)
+        return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
+
+    def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
+        """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
+
+        Args:
+            state: A state at rest, as for ``add(..., friction=False)``.
+            stick: Add the tangential stiffness of nodes that do not slip.
+
+        Returns:
+            See :func:`contact.tangent.stiffness_blocks`.
+        """
+        h = self.history
+        c = h.touching[: self._settle(state)]
+        nodes = self.near.nodes
+        nodes = np.column_stack([nodes[c], nodes[self.near.search.quad[h.facet[c]]]])
+        kn = h.stiffness[c]
+        kt = self.options.tangential * kn if stick else 0.0
+        return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
+
+    # ---- results --------------------------------------------------------------------------
+
+    def surfaces(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Return position and velocity of all nodes [m, m/s]; collective.
+
+        Args:
+            u: Displacement at the last step, flat, owned dofs first [m].
+            v: Velocity [m/s].
+
+        Returns:
+            Contactor ``(nc, 6)`` and target ``(nt, 6)``.
+        """
+        self.near.exchange.whole(u, v)
+        xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
+        return xv[:nc], xv[nc:]
+
+    def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
+        """Return the nodes in contact at the last step and their patches, same on all ranks.
+
+        Args:
+            stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
+                fraction of the largest tangential nodal force [-].
+        """
+        h = self.history
+        c = np.sort(h.touching[: self.active].astype(np.int64))
+        c = c[h.pressing[c] > 0.0]
+        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
+
+    def footprint_on(
+        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
+    ) -> Footprint:
+        """Return the footprint of contactor nodes ``c`` with these normals and forces."""
+        h = self.history
+        neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
+        return footprint_of(
+            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
+            self.area[c], h.slip[c] / self.dt, h.friction[c],
+            parted(pressing / self.area[c], neighbours), stick_tolerance,
+        )  # fmt: skip
+
+    def nodal_forces(self) -> tuple[Index, Array, Array]:
+        """Return touching nodes ``(m,)``, the forces on them [N] and their normals ``(m, 3)``."""
+        h = self.history
+        c = h.touching[: self.active].astype(np.int64)
+        return c, h.pressing[c, None] * h.normal[c] + h.traction[c], h.normal[c]
+
+    def facet_forces(self) -> tuple[Index, Array, Array]:
+        """Return the reactions of the touching nodes on the target.
+
+        Returns:
+            Target nodes ``(m, 4)``, reactions on them ``(m, 4, 3)`` [N] and the direction away
+            from the target's body ``(m, 3)``.
+        """
+        h = self.history
+        c, force, normal = self.nodal_forces()
+        reaction = -shape_functions(h.xi[c])[:, :, None] * force[:, None]
+        return self.target.facets[h.facet[c]].astype(np.int64), reaction, -normal
+
+    # ---- memory ---------------------------------------------------------------------------
+
+    def memory(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
+        own = {"own": np.array([self.active, self.history.started[0]])}
+        return self.history.saved() | self.near.saved() | own
+
+    def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on from what :meth:`memory` returned, on any number of ranks."""
+        self.history.load(memory)
+        self.near.load(memory)
+        active, self.history.started[0] = memory["own"]
+        self.active = int(active)
