@@ -233,6 +233,7 @@ def test_row_13_wheel_on_rail_crown(resting):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_row_13_wheel_on_rail_crown_fine(resting):
     """0.7 mm, as shipped: p₀ 1 %, a and b 0.5 %; pressure better than at 1.4 mm by half."""
     found, coarse = ellipse(resting), ellipse(resting, **{"mesh.size": 1.4e-3})

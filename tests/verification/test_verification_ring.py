@@ -176,7 +176,7 @@ def spin(case, omega: float, turns: float, *, around=48, through=2, material=STE
     [
         (500.0, 1),
         pytest.param(500.0, 20, marks=pytest.mark.slow),
-        pytest.param(50.0, 3, marks=pytest.mark.slow),
+        pytest.param(50.0, 3, marks=[pytest.mark.slow, pytest.mark.long]),
     ],
 )
 def test_row_7_spinning_ring(case, omega, turns):
