@@ -103,7 +103,7 @@ class Footprint:
 
 
 def stick_zone(limit: Array, tangential: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-    """Return which nodes adhere: the friction left exceeds a part of the largest traction.
+    """Return which nodes adhere: the friction left exceeds a part of the largest tangential one.
 
     Args:
         limit: friction * F_n, shape ``(n,)`` [N].
@@ -127,14 +127,19 @@ def frame_of(normal: Array) -> Array:
 
 
 def _patch(
-    nodes: Index, position: Array, normal: Array, pressing: Array, traction: Array, area: Array,
+    nodes: Index,
+    position: Array,
+    normal: Array,
+    normal_force: Array,
+    tangential_force: Array,
+    area: Array,
     stick: npt.NDArray[np.bool_],
-) -> Patch:  # fmt: skip
-    force = pressing[nodes]
+) -> Patch:
+    force = normal_force[nodes]
     resultant = force @ normal[nodes]
     frame = frame_of(resultant / np.linalg.norm(resultant))
     centre = force @ position[nodes] / force.sum()
-    moment = np.cross(position[nodes] - centre, traction[nodes]).sum(axis=0)
+    moment = np.cross(position[nodes] - centre, tangential_force[nodes]).sum(axis=0)
     return Patch(
         nodes=len(nodes),
         sticking=int(stick[nodes].sum()),
@@ -142,7 +147,7 @@ def _patch(
         centre=centre,
         normal_force=float(force.sum()),
         normal_resultant=resultant,
-        tangential_force=traction[nodes].sum(axis=0),
+        tangential_force=tangential_force[nodes].sum(axis=0),
         contact_angle=float(np.arctan2(abs(resultant[1]), abs(resultant[2]))),
         max_pressure=float((force / area[nodes]).max()),
         frame=frame,
@@ -151,24 +156,49 @@ def _patch(
 
 
 def footprint_of(
-    node: Index, position: Array, normal: Array, pressing: Array, traction: Array, area: Array,
-    slip_velocity: Array, friction: Array, component: Index, stick_tolerance: float,
-) -> Footprint:  # fmt: skip
+    node: Index,
+    position: Array,
+    normal: Array,
+    normal_force: Array,
+    tangential_force: Array,
+    area: Array,
+    slip_velocity: Array,
+    friction: Array,
+    component: Index,
+    stick_tolerance: float,
+) -> Footprint:
     """Return the footprint of nodes in contact; arrays as in :class:`Footprint`.
 
     ``component`` ``(n,)`` tells which nodes belong together; patches are numbered
     from high y to low y.
     """
-    stick = stick_zone(friction * pressing, traction, stick_tolerance)
+    stick = stick_zone(friction * normal_force, tangential_force, stick_tolerance)
     count = int(component.max(initial=-1)) + 1
     parts = [
-        _patch(np.flatnonzero(component == k), position, normal, pressing, traction, area, stick)
+        _patch(
+            np.flatnonzero(component == k),
+            position,
+            normal,
+            normal_force,
+            tangential_force,
+            area,
+            stick,
+        )
         for k in range(count)
     ]
     order = sorted(range(count), key=lambda k: (-parts[k].centre[1], parts[k].centre[0]))
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
     return Footprint(
-        node, position, normal, pressing, traction, area, slip_velocity, friction, stick,
-        rank[component], tuple(parts[k] for k in order),
-    )  # fmt: skip
+        node,
+        position,
+        normal,
+        normal_force,
+        tangential_force,
+        area,
+        slip_velocity,
+        friction,
+        stick,
+        rank[component],
+        tuple(parts[k] for k in order),
+    )

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from contact._kernel import lib
 from contact.arrays import view
-from contact.history import History
-from contact.neighbourhood import Neighbourhood
+from contact.candidates import Candidates
+from contact.contact_state import ContactState
 
 Array = npt.NDArray[np.float64]
 
@@ -37,22 +37,33 @@ class Lagrange:
         residual: Their last move over the deepest overlap [-].
     """
 
-    def __init__(self, near: Neighbourhood, history: History, fixed: dict[str, Any]) -> None:
+    def __init__(
+        self, near: Candidates, contact_state: ContactState, fixed: dict[str, Any]
+    ) -> None:
         """Bind the arrays of a pair; ``fixed`` are views of ``mass, dofs, quad, xv``."""
-        self._near, self._history = near, history
-        nc, n = len(history.gap), len(near.nodes)
+        self._near, self._state = near, contact_state
+        nc, n = len(contact_state.gap), len(near.nodes)
         self._work, self._dv = np.zeros((nc, lib.WR_ROW)), np.zeros((n, 3))
         self._info = np.zeros(2)
         ahead = near.exchange.ahead
         self._mass, self._xv = fixed["mass"], fixed["xv"]
         self._ahead = view("ahead", ahead, ahead.shape)
-        h = history.c
-        names = "gap stiffness offset pressing approach traction slip touching"
+        h = contact_state.c
+        names = "gap stiffness offset normal_force approach tangential_force slip touching"
         self._c = (
-            h["friction"], fixed["xv"], self._ahead, fixed["mass"], fixed["dofs"], fixed["quad"],
-            h["facet"], h["xi"], h["normal"], *(h[name] for name in names.split()),
-            view("work", self._work, (nc, -1), out=True), view("dv", self._dv, (n, 3), out=True),
-        )  # fmt: skip
+            h["friction"],
+            fixed["xv"],
+            self._ahead,
+            fixed["mass"],
+            fixed["dofs"],
+            fixed["quad"],
+            h["facet"],
+            h["xi"],
+            h["normal"],
+            *(h[name] for name in names.split()),
+            view("work", self._work, (nc, -1), out=True),
+            view("dv", self._dv, (n, 3), out=True),
+        )
         self._c_info = view("info", self._info, (2,), out=True)
         smooth = near.search.smooth
         curved = smooth.c[1:] if smooth else near.search.flat[1:]
@@ -60,7 +71,7 @@ class Lagrange:
 
     def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
         """Find the gaps one step ahead; ``touching`` nodes pressed at the last step."""
-        near, h = self._near, self._history
+        near, h = self._near, self._state
         if near.search.smooth:
             near.search.smooth.update(self._xv)
         h.total[4] = lib.wr_overlap(touching, h.c["touching"], *self._c_overlap)
@@ -73,11 +84,20 @@ class Lagrange:
         Raises:
             RuntimeError: if the sweeps do not converge.
         """
-        h, near = self._history, self._near
+        h, near = self._state, self._near
         touching = lib.wr_lagrange(
-            len(near.item), near.c_item, dt, kick, TOLERANCE, _SWEEPS, fade, *self._c,
-            view("force", force, (-1,), out=True), h.c["total"], self._c_info,
-        )  # fmt: skip
+            len(near.item),
+            near.c_item,
+            dt,
+            kick,
+            TOLERANCE,
+            _SWEEPS,
+            fade,
+            *self._c,
+            view("force", force, (-1,), out=True),
+            h.c["total"],
+            self._c_info,
+        )
         if self.residual > _LOST:
             raise RuntimeError(
                 f"contact pair {near.name}: Lagrange forces have not converged after "

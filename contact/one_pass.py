@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 from contact._kernel import ffi, lib
 from contact.arrays import view
+from contact.candidates import Candidates
+from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
 from contact.friction import Coulomb, LawState, coefficients
-from contact.history import History
 from contact.lagrange import Lagrange
-from contact.neighbourhood import Neighbourhood
 from contact.normal_law import node_foundation
 from contact.options import Options
 from contact.patches import beside, parted
@@ -38,7 +38,7 @@ class Pass:
         options: Its options.
         area: Tributary area of all nodes, contactor first, shape ``(n,)`` [m2].
         near: Candidates.
-        history: Contact of each contactor node.
+        contact_state: Contact of each contactor node.
         active: Contactor nodes in touch.
     """
 
@@ -63,12 +63,16 @@ class Pass:
         self.contactor, self.target = contactor, target
         self.options, self.dt, self.name = options, options.dt, name
         below = options.sharp_angle if options.smooth else None
-        self.near = Neighbourhood(contactor, target, comm, options.reach, name, below)
+        self.candidates = Candidates(contactor, target, comm, options.reach, name, below)
         self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
         lasting = options.method == "lagrange"
-        self.history = History(len(contactor.nodes), np.inf if lasting else options.tangential)
+        self.contact_state = ContactState(
+            len(contactor.nodes), np.inf if lasting else options.tangential
+        )
         self._bind()
-        self._lagrange = Lagrange(self.near, self.history, self._fixed) if lasting else None
+        self._lagrange = (
+            Lagrange(self.candidates, self.contact_state, self._fixed) if lasting else None
+        )
         self.reset()
 
     def _bind(self) -> None:
@@ -77,32 +81,37 @@ class Pass:
         self._mass = np.concatenate([self.contactor.mass, self.target.mass])
         self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
         arrays: dict[str, npt.NDArray[Any]] = {
-            "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
-            "quad": self.near.search.quad,
-        }  # fmt: skip
+            "xv": self.candidates.exchange.xv,
+            "mass": self._mass,
+            "area": self.area,
+            "dofs": self._dofs,
+            "quad": self.candidates.search.quad,
+        }
         assert self._mass.shape == self._dofs.shape == (n,)
         self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
-        self._bed = (ffi.NULL, ffi.NULL)
+        self._foundation = (ffi.NULL, ffi.NULL)
         if self.options.method == "modulus-penalty":
             bed = node_foundation(self.contactor)
             if self.target.foundation is None:
                 raise ValueError(f"surface {self.target.name}: expected bulk moduli")
-            self._bed = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
-        c = self.history.c | self._fixed
+            self._foundation = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
+        c = self.contact_state.c | self._fixed
         normal = "xv mass area quad facet xi normal gap stiffness damper offset"
-        normal += " pressing drag traction slip touching total"
-        friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
+        normal += " normal_force damping_force tangential_force slip touching total"
+        friction = (
+            "xv mass dofs quad facet xi gap normal stiffness normal_force slip tangential_force"
+        )
         self._c_normal = tuple(c[key] for key in normal.split())
         self._c_friction = tuple(c[key] for key in friction.split())
 
     def reset(self) -> None:
-        """Forget all contact: no node touches, no traction, nothing dissipated."""
-        self.history.clear()
-        self.history.total[:] = 0.0
-        self.history.started[:] = np.nan
+        """Forget all contact: no node touches, no force, nothing dissipated."""
+        self.contact_state.clear()
+        self.contact_state.total[:] = 0.0
+        self.contact_state.started[:] = np.nan
         constant = self.options.law.friction if isinstance(self.options.law, Coulomb) else np.nan
-        self.history.friction[:] = constant
-        self.near.forget()
+        self.contact_state.friction[:] = constant
+        self.candidates.forget()
         self.active = 0
 
     # ---- one step -------------------------------------------------------------------------
@@ -114,77 +123,92 @@ class Pass:
             state: ``u.x.array`` at t and ``v.x.array`` at t - dt/2, flat, block size 3 [m, m/s].
             force: ``array``, flat, block size 3 [N].
             friction: False in statics: normal springs only, a function of ``u`` alone, found
-                by a new search wherever the bodies moved; drops the tangential history.
+                by a new search wherever the bodies moved; drops the tangential forces.
         """
         if not friction:
-            m = self._settle(state)
-            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
+            m = self._update_static(state)
+            coefficient = view("none", np.zeros(len(self.contact_state.gap)), (-1,))
         else:
-            self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
+            self.candidates.approach(state.u.x.array, state.v.x.array, self.dt, self.contact_state)
             if self._lagrange is not None:
                 self._close(self._lagrange, state, force.array)
                 return
-            m = self._press(self.dt, state.t)
+            m = self._update(self.dt, state.t)
             if not isinstance(self.options.law, Coulomb):
                 self._apply_law(m, state.t)
-            coefficient = self.history.c["friction"]
+            coefficient = self.contact_state.c["friction"]
         lib.wr_friction(
-            m, self.history.c["touching"], self.options.tangential, coefficient, *self._c_friction,
-            view("force", force.array, (-1,), out=True), self.history.c["total"],
-        )  # fmt: skip
+            m,
+            self.contact_state.c["touching"],
+            self.options.tangential,
+            coefficient,
+            *self._c_friction,
+            view("force", force.array, (-1,), out=True),
+            self.contact_state.c["total"],
+        )
 
     def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
         """Add the forces that leave no gap at the next step."""
-        near = self.near
+        near = self.candidates
         # at the start v is at t, and the stepping takes half a step to get to t - dt/2
         kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
-        if np.isnan(self.history.started[0]):  # offsets are those of the present gaps
-            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.history.c)
+        if np.isnan(self.contact_state.started[0]):  # offsets are those of the present gaps
+            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.contact_state.c)
         fade = self._offsets(state.t)
         lagrange.predict(force, self.dt, kick, self.active)
         if not isinstance(self.options.law, Coulomb):
             self._apply_law(self.active, state.t)
         self.active = lagrange.solve(force, self.dt, kick, fade)
 
-    def _settle(self, state: State) -> int:
+    def _update_static(self, state: State) -> int:
         """Find the contact of a state at rest; return the number of touching nodes."""
-        self.near.settle(state.u.x.array, self.history)
-        self.history.traction[:] = 0.0
-        self.history.started[:] = np.nan
-        return self._press(0.0, state.t)
+        self.candidates.update_static(state.u.x.array, self.contact_state)
+        self.contact_state.tangential_force[:] = 0.0
+        self.contact_state.started[:] = np.nan
+        return self._update(0.0, state.t)
 
-    def _press(self, dt: float, t: float) -> int:
+    def _update(self, dt: float, t: float) -> int:
         """Track the candidates and find their normal forces; return how many touch."""
-        o, near, k = self.options, self.near, len(self.near.item)
-        near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
+        o, near, k = self.options, self.candidates, len(self.candidates.item)
+        near.search.track(k, near.c_item, self._fixed["xv"], self.contact_state.c)
         per_mass = o.penalty / self.dt**2
         if self._lagrange is not None:
-            per_mass *= 1.0 if self.near.search.smooth else STATIC
+            per_mass *= 1.0 if self.candidates.search.smooth else STATIC
         fade = self._offsets(t) if dt > 0.0 else 0.0
         self.active = lib.wr_normal(
-            k, near.c_item, dt, per_mass, o.penalty, o.damping, o.tangential, fade,
-            *self._bed, *self._c_normal,
-        )  # fmt: skip
+            k,
+            near.c_item,
+            dt,
+            per_mass,
+            o.penalty,
+            o.damping,
+            o.tangential,
+            fade,
+            *self._foundation,
+            *self._c_normal,
+        )
         return self.active
 
     def _offsets(self, t: float) -> float:
         """Set the offsets at the first step; return which part of them is left at ``t``."""
         always = self.options.initial_overlap == "offset"
         rest = self._lagrange is not None
-        return self.history.faded(self.near.item, t, self.options.offset_time, always, rest)
+        return self.contact_state.faded(
+            self.candidates.item, t, self.options.offset_time, always, rest
+        )
 
     def _apply_law(self, m: int, t: float) -> None:
-        h = self.history
+        h = self.contact_state
         c = h.touching[:m]
         slip = h.slip.take(c, axis=0)
         rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
-        pressure = h.pressing.take(c) / self.area.take(c)
+        pressure = h.normal_force.take(c) / self.area.take(c)
         state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
         try:
             value = coefficients(self.options.law, rate, pressure, state)
         except ValueError as error:
             raise RuntimeError(f"contact pair {self.name}: {error}") from error
-        h.friction[self.near.item] = np.nan
+        h.friction[self.candidates.item] = np.nan
         h.friction[c] = value
 
     # ---- statics --------------------------------------------------------------------------
@@ -198,10 +222,10 @@ class Pass:
             state: Displacements as in :meth:`add`; velocities are not read.
             reach: Depth up to which overlap is looked for [m]; a cell if None.
         """
-        depth, c = self.near.deepest(state.u.x.array, reach)
+        depth, c = self.candidates.deepest(state.u.x.array, reach)
         if c < 0:
             return 0.0, -1, np.zeros(3)
-        return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
+        return depth, int(self.contactor.nodes[c]), self.candidates.exchange.xv[c, :3].copy()
 
     def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
         """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
@@ -213,10 +237,10 @@ class Pass:
         Returns:
             See :func:`contact.tangent.stiffness_blocks`.
         """
-        h = self.history
-        c = h.touching[: self._settle(state)]
-        nodes = self.near.nodes
-        nodes = np.column_stack([nodes[c], nodes[self.near.search.quad[h.facet[c]]]])
+        h = self.contact_state
+        c = h.touching[: self._update_static(state)]
+        nodes = self.candidates.nodes
+        nodes = np.column_stack([nodes[c], nodes[self.candidates.search.quad[h.facet[c]]]])
         kn = h.stiffness[c]
         kt = self.options.tangential * kn if stick else 0.0
         return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
@@ -233,8 +257,8 @@ class Pass:
         Returns:
             Contactor ``(nc, 6)`` and target ``(nt, 6)``.
         """
-        self.near.exchange.whole(u, v)
-        xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
+        self.candidates.exchange.whole(u, v)
+        xv, nc = self.candidates.exchange.xv.copy(), len(self.contactor.nodes)
         return xv[:nc], xv[nc:]
 
     def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
@@ -244,28 +268,42 @@ class Pass:
             stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
                 fraction of the largest tangential nodal force [-].
         """
-        h = self.history
+        h = self.contact_state
         c = np.sort(h.touching[: self.active].astype(np.int64))
-        c = c[h.pressing[c] > 0.0]
-        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
+        c = c[h.normal_force[c] > 0.0]
+        return self.footprint_on(
+            c, h.normal[c], h.normal_force[c], h.tangential_force[c], stick_tolerance
+        )
 
     def footprint_on(
-        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
+        self,
+        c: Index,
+        normal: Array,
+        normal_force: Array,
+        tangential_force: Array,
+        stick_tolerance: float,
     ) -> Footprint:
         """Return the footprint of contactor nodes ``c`` with these normals and forces."""
-        h = self.history
+        h = self.contact_state
         neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
         return footprint_of(
-            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
-            self.area[c], h.slip[c] / self.dt, h.friction[c],
-            parted(pressing / self.area[c], neighbours), stick_tolerance,
-        )  # fmt: skip
+            self.contactor.nodes[c],
+            self.candidates.exchange.xv[c, :3],
+            normal,
+            normal_force,
+            tangential_force,
+            self.area[c],
+            h.slip[c] / self.dt,
+            h.friction[c],
+            parted(normal_force / self.area[c], neighbours),
+            stick_tolerance,
+        )
 
     def nodal_forces(self) -> tuple[Index, Array, Array]:
         """Return touching nodes ``(m,)``, the forces on them [N] and their normals ``(m, 3)``."""
-        h = self.history
+        h = self.contact_state
         c = h.touching[: self.active].astype(np.int64)
-        return c, h.pressing[c, None] * h.normal[c] + h.traction[c], h.normal[c]
+        return c, h.normal_force[c, None] * h.normal[c] + h.tangential_force[c], h.normal[c]
 
     def facet_forces(self) -> tuple[Index, Array, Array]:
         """Return the reactions of the touching nodes on the target.
@@ -274,7 +312,7 @@ class Pass:
             Target nodes ``(m, 4)``, reactions on them ``(m, 4, 3)`` [N] and the direction away
             from the target's body ``(m, 3)``.
         """
-        h = self.history
+        h = self.contact_state
         c, force, normal = self.nodal_forces()
         reaction = -shape_functions(h.xi[c])[:, :, None] * force[:, None]
         return self.target.facets[h.facet[c]].astype(np.int64), reaction, -normal
@@ -283,12 +321,12 @@ class Pass:
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        own = {"own": np.array([self.active, self.history.started[0]])}
-        return self.history.saved() | self.near.saved() | own
+        own = {"own": np.array([self.active, self.contact_state.started[0]])}
+        return self.contact_state.saved() | self.candidates.saved() | own
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
-        self.history.load(memory)
-        self.near.load(memory)
-        active, self.history.started[0] = memory["own"]
+        self.contact_state.load(memory)
+        self.candidates.load(memory)
+        active, self.contact_state.started[0] = memory["own"]
         self.active = int(active)

@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.arrays import view
-from contact.history import History
+from contact.contact_state import ContactState
 from contact.search import Search
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +21,7 @@ def deepest(search: Search, xv: Array, reach: float) -> tuple[float, int]:
         xv: Positions and velocities of all nodes, shape ``(n, 6)``.
         reach: Depth up to which overlap is looked for [m].
     """
-    probe = History(search.nc)
+    probe = ContactState(search.nc)
     item = search.candidates(xv, reach, reach, probe.stiffness, probe.facet, probe.xi)
     search.neighbourhood(item)
     search.track(len(item), view("item", item, (-1,), np.int32), view("xv", xv, xv.shape), probe.c)

@@ -85,13 +85,20 @@ class Search:
             self.smooth = Smooth(points, self.quad, smooth_below)
         self.flat = (ffi.NULL,) * 3
         self._c_track = (
-            *(view(key, a, a.shape, a.dtype) for key, a in (
-                ("quad", self.quad), ("kind", self.kind), ("size", self.size),
-                ("around", self.around), ("ring", self.ring), ("live", self.live),
-                ("outward", self.outward),
-            )),
+            *(
+                view(key, a, a.shape, a.dtype)
+                for key, a in (
+                    ("quad", self.quad),
+                    ("kind", self.kind),
+                    ("size", self.size),
+                    ("around", self.around),
+                    ("ring", self.ring),
+                    ("live", self.live),
+                    ("outward", self.outward),
+                )
+            ),
             *(self.smooth.c if self.smooth else self.flat),
-        )  # fmt: skip
+        )
 
     def _near(self, x: Array, pad: float) -> tuple[Index, Index, Array]:
         """Return contactor nodes and facets (with boxes) that come within ``pad`` [m]."""
@@ -170,15 +177,25 @@ class Search:
         )
         hit = np.zeros(len(item), dtype=np.uint8)
         lib.wr_search(
-            len(item), view("item", item, (-1,), np.int32), view("xv", xv, (self.n, 6)),
+            len(item),
+            view("item", item, (-1,), np.int32),
+            view("xv", xv, (self.n, 6)),
             view("outward", self.outward, (self.nc, 3)),
-            view("quad", self.quad, (-1, 4), np.int32), view("pick", pick, (-1,), np.int32),
-            c_box, c_grid, c_dims, view("start", start, (-1,), np.int64), c_entry, above, below,
+            view("quad", self.quad, (-1, 4), np.int32),
+            view("pick", pick, (-1,), np.int32),
+            c_box,
+            c_grid,
+            c_dims,
+            view("start", start, (-1,), np.int64),
+            c_entry,
+            above,
+            below,
             view("stiffness", stiffness, (self.nc,)),
             view("facet", facet, (self.nc,), np.int32, out=True),
-            view("xi", xi, (self.nc, 2), out=True), view("hit", hit, (-1,), np.uint8, out=True),
+            view("xi", xi, (self.nc, 2), out=True),
+            view("hit", hit, (-1,), np.uint8, out=True),
             view("live", self.live, (-1,), np.uint8, out=True),
-        )  # fmt: skip
+        )
         return item[hit == 1]
 
     def neighbourhood(self, item: Index) -> Index:
@@ -189,16 +206,16 @@ class Search:
         facets = self.smooth.choose(self.live) if self.smooth else self.live == 1
         return np.concatenate([item, np.unique(self.quad[facets])]).astype(np.int32)
 
-    def track(self, k: int, item: Any, xv: Any, history: dict[str, Any]) -> None:
+    def track(self, k: int, item: Any, xv: Any, contact_state: dict[str, Any]) -> None:
         """Follow the closest points of ``k`` candidates; all arguments are views.
 
         Args:
             k: Number of candidates.
             item: Candidates.
             xv: Positions of all nodes.
-            history: ``facet, xi, gap, normal``, which are written.
+            contact_state: ``facet, xi, gap, normal``, which are written.
         """
         if self.smooth:
             self.smooth.update(xv)
-        out = (history[key] for key in ("facet", "xi", "gap", "normal"))
+        out = (contact_state[key] for key in ("facet", "xi", "gap", "normal"))
         lib.wr_track(k, item, xv, *self._c_track, *out)

@@ -125,10 +125,15 @@ class Smooth:
         mirror = self._mirror[known[self._mirror[:, 0]] & known[self._mirror[:, 2]]]
         mirror = np.ascontiguousarray(mirror)
         self._c = (
-            len(fresh), view("fresh", fresh, (-1,), np.int32), self._c_quad, self.c[1],
-            len(used), view("used", used, (-1,), np.int32),
-            len(mirror), view("mirror", mirror, (-1, 4), np.int32),
-        )  # fmt: skip
+            len(fresh),
+            view("fresh", fresh, (-1,), np.int32),
+            self._c_quad,
+            self.c[1],
+            len(used),
+            view("used", used, (-1,), np.int32),
+            len(mirror),
+            view("mirror", mirror, (-1, 4), np.int32),
+        )
         return fresh
 
     def update(self, xv: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.arrays import view
-from contact.history import History
+from contact.contact_state import ContactState
 from contact.normal_law import node_foundation
 from contact.one_pass import Pass
 from contact.state import State
@@ -46,7 +46,9 @@ class Springs:
         return stiffness_blocks(self.nodes, self.xi, self.normal, normal, tangential)
 
 
-def springs(pair: Pass, state: State, beds: tuple[Surface, Surface] | None = None) -> Springs:
+def springs(
+    pair: Pass, state: State, foundations: tuple[Surface, Surface] | None = None
+) -> Springs:
     """Return the springs of all nodes within a cell of the target; collective.
 
     The pair and its candidates are left as they are.
@@ -54,12 +56,12 @@ def springs(pair: Pass, state: State, beds: tuple[Surface, Surface] | None = Non
     Args:
         pair: One pass of a contact.
         state: Displacements; velocities are not read.
-        beds: Its surfaces with the bulk moduli behind them, if its own do not have them and the
-            foundation is wanted.
+        foundations: Its surfaces with the bulk moduli behind them, if its own do not have them
+            and the foundation is wanted.
     """
-    near, search = pair.near, pair.near.search
+    near, search = pair.candidates, pair.candidates.search
     near.exchange.whole(state.u.x.array, state.u.x.array)
-    live, outward, probe = search.live.copy(), search.outward.copy(), History(search.nc)
+    live, outward, probe = search.live.copy(), search.outward.copy(), ContactState(search.nc)
     xv = near.exchange.xv
     c = search.candidates(xv, near.margin, near.reach, probe.stiffness, probe.facet, probe.xi)
     search.neighbourhood(c)
@@ -74,9 +76,11 @@ def springs(pair: Pass, state: State, beds: tuple[Surface, Surface] | None = Non
     effective = 1 / (1 / mass[c] + crowd * (N / mass[quads]).sum(axis=1))
     bed = np.zeros(len(c))
     if pair.options.method == "modulus-penalty":
-        beds = pair.contactor, pair.target
-    if beds is not None and beds[1].foundation is not None:
-        softer = np.minimum(node_foundation(beds[0])[c], beds[1].foundation[probe.facet[c]])
+        foundations = pair.contactor, pair.target
+    if foundations is not None and foundations[1].foundation is not None:
+        softer = np.minimum(
+            node_foundation(foundations[0])[c], foundations[1].foundation[probe.facet[c]]
+        )
         bed = np.minimum(area[c], facing) * softer
     nodes = np.column_stack([near.nodes[c], near.nodes[quads]])
     return Springs(nodes, probe.xi[c], probe.normal[c], probe.gap[c], effective, area[c], bed)

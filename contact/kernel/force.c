@@ -112,17 +112,18 @@ static double effective_mass(const double *mass, const double *area, const int32
 }
 
 int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double per_area,
-                  double fraction, double ratio, double fade, const double *bed_c,
-                  const double *bed_t, const double *xv, const double *mass, const double *area,
-                  const int32_t *quad, const int32_t *facet, const double *xi, const double *normal,
-                  double *gap, double *stiffness, double *damper, double *offset, double *pressing,
-                  double *drag, double *traction, double *slip, int32_t *touching, double *total) {
+                  double fraction, double ratio, double fade, const double *foundation_c,
+                  const double *foundation_t, const double *xv, const double *mass,
+                  const double *area, const int32_t *quad, const int32_t *facet, const double *xi,
+                  const double *normal, double *gap, double *stiffness, double *damper,
+                  double *offset, double *normal_force, double *damping_force,
+                  double *tangential_force, double *slip, int32_t *touching, double *total) {
   int64_t count = 0;
   for (int a = 2; a < 12; a++)
     total[a] = 0.0;
   for (int64_t i = 0; i < k; i++) {
     const size_t c = (size_t)item[i];
-    double *t = traction + 3 * c, *s = slip + 3 * c, w[3], spin[3];
+    double *t = tangential_force + 3 * c, *s = slip + 3 * c, w[3], spin[3];
     if (gap[c] >= 0.0)
       offset[c] = 0.0;
     total[4] = fmax(total[4], -gap[c]);
@@ -130,7 +131,7 @@ int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, do
     if (gap[c] >= 0.0) { /* NaN stays in contact, so that the guards see it */
       if (stiffness[c] > 0.0)
         total[0] += 0.5 * dot3(t, t) / (ratio * stiffness[c]);
-      stiffness[c] = pressing[c] = drag[c] = 0.0;
+      stiffness[c] = normal_force[c] = damping_force[c] = 0.0;
       t[0] = t[1] = t[2] = s[0] = s[1] = s[2] = 0.0;
       continue;
     }
@@ -143,7 +144,9 @@ int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, do
     if (born) {
       double shared;
       const double m = effective_mass(mass, area, nodes, xi + 2 * c, c, &shared);
-      stiffness[c] = bed_c ? per_area * shared * fmin(bed_c[c], bed_t[facet[c]]) : per_mass * m;
+      stiffness[c] = foundation_c
+                         ? per_area * shared * fmin(foundation_c[c], foundation_t[facet[c]])
+                         : per_mass * m;
       damper[c] = 2.0 * fraction * sqrt(stiffness[c] * m);
     }
     carry(spin, dt, n, t);
@@ -151,15 +154,16 @@ int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, do
       s[a] = born ? 0.0 : dt * (w[a] + closing * n[a]);
     /* penalty spring and dashpot, never tension; no dashpot in statics */
     const double spring = -stiffness[c] * gap[c], push = dt > 0.0 ? damper[c] * closing : 0.0;
-    const double old = drag[c];
-    pressing[c] = push < -spring ? 0.0 : spring + push;
-    drag[c] = pressing[c] - spring;
-    total[1] += 0.5 * (old + drag[c]) * closing * dt; /* trapezoidal, as the leapfrog's work */
+    const double old = damping_force[c];
+    normal_force[c] = push < -spring ? 0.0 : spring + push;
+    damping_force[c] = normal_force[c] - spring;
+    total[1] +=
+        0.5 * (old + damping_force[c]) * closing * dt; /* trapezoidal, as the leapfrog's work */
   }
   return count;
 }
 
-/* Radial return of the trial traction; returns 1 for stick. */
+/* Radial return of the trial force; returns 1 for stick. */
 static int return_map(double kt, double limit, const double *s, double *t, double *total) {
   double trial[3], old[3] = {t[0], t[1], t[2]};
   for (int a = 0; a < 3; a++)
@@ -178,15 +182,15 @@ static int return_map(double kt, double limit, const double *s, double *t, doubl
 
 /* Adds the force of one contact to both bodies on owned dofs, and to the resultants. */
 static void act(size_t c, const double *xv, const double *mass, const int32_t *dof,
-                const int32_t *nodes, const double *xi, const double *n, double pressing,
+                const int32_t *nodes, const double *xi, const double *n, double normal_force,
                 const double *t, double *f, double *total) {
   double N[4], r[3], R[4][3], inverse[6], F[3], M[3], A[3], extra[3] = {0, 0, 0};
   for (int a = 0; a < 3; a++) {
-    F[a] = pressing * n[a] + t[a];
-    total[6 + a] += pressing * n[a];
+    F[a] = normal_force * n[a] + t[a];
+    total[6 + a] += normal_force * n[a];
     total[9 + a] += t[a];
   }
-  total[5] += pressing;
+  total[5] += normal_force;
   if (dof[c] >= 0)
     for (int a = 0; a < 3; a++)
       f[3 * (size_t)dof[c] + a] += F[a];
@@ -208,16 +212,16 @@ static void act(size_t c, const double *xv, const double *mass, const int32_t *d
 int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const double *friction,
                     const double *xv, const double *mass, const int32_t *dof, const int32_t *quad,
                     const int32_t *facet, const double *xi, const double *gap, const double *normal,
-                    const double *stiffness, const double *pressing, const double *slip,
-                    double *traction, double *f, double *total) {
+                    const double *stiffness, const double *normal_force, const double *slip,
+                    double *tangential_force, double *f, double *total) {
   int64_t sticking = 0;
   for (int64_t i = 0; i < k; i++) {
     const size_t c = (size_t)touching[i];
-    sticking += return_map(ratio * stiffness[c], friction[c] * pressing[c], slip + 3 * c,
-                           traction + 3 * c, total);
+    sticking += return_map(ratio * stiffness[c], friction[c] * normal_force[c], slip + 3 * c,
+                           tangential_force + 3 * c, total);
     total[2] += 0.5 * stiffness[c] * gap[c] * gap[c];
-    act(c, xv, mass, dof, quad + 4 * (size_t)facet[c], xi + 2 * c, normal + 3 * c, pressing[c],
-        traction + 3 * c, f, total);
+    act(c, xv, mass, dof, quad + 4 * (size_t)facet[c], xi + 2 * c, normal + 3 * c, normal_force[c],
+        tangential_force + 3 * c, f, total);
   }
   return sticking;
 }

@@ -27,9 +27,9 @@
  *   offset     [nc]        overlap that does not count, added to the gap              m
  *   stiffness  [nc]        normal stiffness, 0: not in contact                      N/m
  *   damper     [nc]        normal damping constant                                  N s/m
- *   pressing   [nc]        normal force, >= 0                                       N
- *   drag       [nc]        part of it that comes from damping                       N
- *   traction   [nc][3]     tangential force on the contactor node                   N
+ *   normal_force   [nc]        normal force, >= 0                                       N
+ *   damping_force       [nc]        part of it that comes from damping                       N
+ *   tangential_force   [nc][3]     tangential force on the contactor node                   N
  *   slip       [nc][3]     tangential slip since the last step                      m
  *   friction   [nc]        coefficient of friction
  *   total      [12]        0 friction and 1 damping dissipation, accumulated [J]; then of this
@@ -88,28 +88,29 @@ void wr_normals(int64_t m, const int32_t *fresh, const int32_t *quad, const int3
 /* Normal force, and the slip that friction acts on.
  *   dt         time since the last step, 0 in statics                                s
  *   per_mass   normal stiffness per effective mass                                   1/s2
- *   per_area   normal stiffness per area and foundation modulus, where bed_c is not NULL
+ *   per_area   normal stiffness per area and foundation modulus, where foundation_c is not NULL
  *   fraction   damping constant over the critical one
  *   ratio      tangential over normal stiffness
  *   fade       part of the offsets that is left
- *   bed_c [nc], bed_t [q]   foundation moduli: bulk modulus * area / volume of the cell  Pa/m
+ *   foundation_c [nc], foundation_t [q]   foundation moduli: bulk modulus * area / volume of the cell  Pa/m
  *   touching   [nc] out: nodes with gap < 0
- * Adds the offsets to the gaps. Carries `traction` over into the present tangent plane. Returns
+ * Adds the offsets to the gaps. Carries `tangential_force` over into the present tangent plane. Returns
  * the number of touching nodes. */
 int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double per_area,
-                  double fraction, double ratio, double fade, const double *bed_c,
-                  const double *bed_t, const double *xv, const double *mass, const double *area,
-                  const int32_t *quad, const int32_t *facet, const double *xi, const double *normal,
-                  double *gap, double *stiffness, double *damper, double *offset, double *pressing,
-                  double *drag, double *traction, double *slip, int32_t *touching, double *total);
+                  double fraction, double ratio, double fade, const double *foundation_c,
+                  const double *foundation_t, const double *xv, const double *mass,
+                  const double *area, const int32_t *quad, const int32_t *facet, const double *xi,
+                  const double *normal, double *gap, double *stiffness, double *damper,
+                  double *offset, double *normal_force, double *damping_force,
+                  double *tangential_force, double *slip, int32_t *touching, double *total);
 
 /* Coulomb return map, then adds the forces of both bodies to f (flat, block size 3) on owned dofs.
  * Returns the number of sticking nodes. */
 int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const double *friction,
                     const double *xv, const double *mass, const int32_t *dof, const int32_t *quad,
                     const int32_t *facet, const double *xi, const double *gap, const double *normal,
-                    const double *stiffness, const double *pressing, const double *slip,
-                    double *traction, double *f, double *total);
+                    const double *stiffness, const double *normal_force, const double *slip,
+                    double *tangential_force, double *f, double *total);
 
 /* Positions and velocities one step ahead, under the forces f of everything but the contact, of
  * nodes that this rank owns or that do not move.
@@ -132,7 +133,7 @@ double wr_overlap(int64_t k, const int32_t *touching, const double *xv, const in
  *   gap        in: at t + dt without contact; offsets are added                     m
  *   approach   [nc]  in/out: how far the node comes closer over the step, from force to force  m
  *   slip             in/out: tangential slip over the step, likewise                m
- *   pressing, traction  in: of the last step
+ *   normal_force, tangential_force  in: of the last step
  *   work [nc][WR_ROW], dv [n][3]   workspace
  *   info [2]   out: sweeps, last move over deepest overlap
  * Returns the number of touching nodes. */
@@ -141,6 +142,6 @@ int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, doub
                     const double *ahead, const double *mass, const int32_t *dof,
                     const int32_t *quad, const int32_t *facet, const double *xi,
                     const double *normal, double *gap, double *stiffness, double *offset,
-                    double *pressing, double *approach, double *traction, double *slip,
+                    double *normal_force, double *approach, double *tangential_force, double *slip,
                     int32_t *touching, double *work, double *dv, double *f, double *total,
                     double *info);

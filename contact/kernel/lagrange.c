@@ -73,7 +73,7 @@ static inline void push(const row_t *r, double *dv, size_t c, const int32_t *nod
  * the facet is that of the last step: without contact its nodes would fly apart. */
 static void open_row(row_t *r, double dt, const double *xv, const double *ahead, const double *mass,
                      size_t c, const int32_t *nodes, const double *xi, const double *n, double gap,
-                     double friction, double pressing, const double *traction) {
+                     double friction, double normal_force, const double *tangential_force) {
   double spin[3], W;
   shape4(xi, r->N);
   W = r->per_mass[0] = 1.0 / mass[c];
@@ -88,10 +88,10 @@ static void open_row(row_t *r, double dt, const double *xv, const double *ahead,
       r->w[a - 3] -= r->N[b] * (ahead[j + a] - xv[j + a]);
   }
   memcpy(r->n, n, sizeof r->n);
-  memcpy(r->t, traction, sizeof r->t);
+  memcpy(r->t, tangential_force, sizeof r->t);
   carry(spin, dt, n, r->t);
   r->gap = gap;
-  r->p = pressing;
+  r->p = normal_force;
   r->inverse = 1.0 / W;
   r->friction = friction;
 }
@@ -147,7 +147,8 @@ typedef struct {
   double dt, kick, fade;
   const double *friction, *xv, *ahead, *mass, *xi, *normal;
   const int32_t *dof, *quad, *facet;
-  double *gap, *stiffness, *offset, *pressing, *approach, *traction, *slip, *dv, *f, *total;
+  double *gap, *stiffness, *offset, *normal_force, *approach, *tangential_force, *slip, *dv, *f,
+      *total;
   row_t *row;
   int32_t *touching;
 } system_t;
@@ -163,9 +164,10 @@ static void part(const double *w, const double *n, double dt, double *approach, 
 }
 
 static void let_go(const system_t *s, size_t c) {
-  lose(s->pressing[c], 0.0, s->traction + 3 * c, none, s->approach[c], s->slip + 3 * c, s->total);
-  s->stiffness[c] = s->pressing[c] = s->approach[c] = 0.0;
-  memset(s->traction + 3 * c, 0, sizeof none);
+  lose(s->normal_force[c], 0.0, s->tangential_force + 3 * c, none, s->approach[c], s->slip + 3 * c,
+       s->total);
+  s->stiffness[c] = s->normal_force[c] = s->approach[c] = 0.0;
+  memset(s->tangential_force + 3 * c, 0, sizeof none);
   memset(s->slip + 3 * c, 0, sizeof none);
 }
 
@@ -190,7 +192,8 @@ static int64_t open_rows(const system_t *s, int64_t k, const int32_t *item, doub
       continue;
     }
     open_row(s->row + m, s->dt, s->xv, s->ahead, s->mass, c, nodes, s->xi + 2 * c,
-             s->normal + 3 * c, s->gap[c], s->friction[c], s->pressing[c], s->traction + 3 * c);
+             s->normal + 3 * c, s->gap[c], s->friction[c], s->normal_force[c],
+             s->tangential_force + 3 * c);
     memset(s->dv + 3 * c, 0, sizeof none);
     for (int b = 0; b < 4; b++)
       memset(s->dv + 3 * (size_t)nodes[b], 0, sizeof none);
@@ -210,14 +213,14 @@ static int64_t close_rows(const system_t *s, int64_t m) {
       let_go(s, c);
       continue;
     }
-    double *slip = s->slip + 3 * c, *t = s->traction + 3 * c, w[3];
-    if (!(s->pressing[c] > 0.0)) { /* born: the motion that led here */
+    double *slip = s->slip + 3 * c, *t = s->tangential_force + 3 * c, w[3];
+    if (!(s->normal_force[c] > 0.0)) { /* born: the motion that led here */
       relative(s->xv, s->mass, nodes, s->xv + 6 * c, s->xi + 2 * c, s->dt, w, s->slip + 3 * c);
       part(w, r->n, s->kick, s->approach + c, slip);
     }
-    lose(s->pressing[c], r->p, t, r->t, s->approach[c], slip, s->total);
+    lose(s->normal_force[c], r->p, t, r->t, s->approach[c], slip, s->total);
     memcpy(t, r->t, sizeof r->t);
-    s->pressing[c] = r->p;
+    s->normal_force[c] = r->p;
     s->stiffness[c] = r->inverse / (s->dt * s->dt);
     given(r, s->dv, c, nodes, w);
     for (int a = 0; a < 3; a++)
@@ -234,7 +237,7 @@ int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, doub
                     const double *ahead, const double *mass, const int32_t *dof,
                     const int32_t *quad, const int32_t *facet, const double *xi,
                     const double *normal, double *gap, double *stiffness, double *offset,
-                    double *pressing, double *approach, double *traction, double *slip,
+                    double *normal_force, double *approach, double *tangential_force, double *slip,
                     int32_t *touching, double *work, double *dv, double *f, double *total,
                     double *info) {
   const system_t s = {.dt = dt,
@@ -252,9 +255,9 @@ int64_t wr_lagrange(int64_t k, const int32_t *item, double dt, double kick, doub
                       .gap = gap,
                       .stiffness = stiffness,
                       .offset = offset,
-                      .pressing = pressing,
+                      .normal_force = normal_force,
                       .approach = approach,
-                      .traction = traction,
+                      .tangential_force = tangential_force,
                       .slip = slip,
                       .dv = dv,
                       .f = f,

@@ -12,12 +12,25 @@ Array = npt.NDArray[np.float64]
 
 # lasting state, in the order of a checkpoint; the rest is found again each step
 _SAVED = (
-    "facet", "xi", "gap", "normal", "stiffness", "damper", "offset", "pressing", "drag",
-    "approach", "traction", "slip", "friction", "touching", "total",
-)  # fmt: skip
+    "facet",
+    "xi",
+    "gap",
+    "normal",
+    "stiffness",
+    "damper",
+    "offset",
+    "normal_force",
+    "damping_force",
+    "approach",
+    "tangential_force",
+    "slip",
+    "friction",
+    "touching",
+    "total",
+)
 
 
-class History:
+class ContactState:
     """Arrays over the ``nc`` contactor nodes; what they hold is told in ``kernel.h``.
 
     ``ratio`` is the tangential over the normal stiffness, infinite without such springs.
@@ -36,10 +49,10 @@ class History:
         self.stiffness = np.zeros(nc)
         self.damper = np.zeros(nc)
         self.offset = np.zeros(nc)
-        self.pressing = np.zeros(nc)
-        self.drag = np.zeros(nc)
+        self.normal_force = np.zeros(nc)
+        self.damping_force = np.zeros(nc)
         self.approach = np.zeros(nc)
-        self.traction = np.zeros((nc, 3))
+        self.tangential_force = np.zeros((nc, 3))
         self.slip = np.zeros((nc, 3))
         self.friction = np.zeros(nc)
         self.touching = np.zeros(nc, dtype=np.int32)
@@ -54,9 +67,15 @@ class History:
     def clear(self, nodes: npt.NDArray[np.int64] | slice = slice(None)) -> None:
         """Forget the contact of ``nodes`` (all if left out)."""
         for a in (
-            self.stiffness, self.damper, self.offset, self.pressing, self.drag, self.approach,
-            self.traction, self.slip,
-        ):  # fmt: skip
+            self.stiffness,
+            self.damper,
+            self.offset,
+            self.normal_force,
+            self.damping_force,
+            self.approach,
+            self.tangential_force,
+            self.slip,
+        ):
             a[nodes] = 0.0
 
     @property
@@ -89,7 +108,7 @@ class History:
     def release(self, nodes: npt.NDArray[np.int64]) -> None:
         """Let go of ``nodes``; the energy of their tangential springs turns into heat."""
         kt = self._ratio * self.stiffness[nodes]
-        self.total[0] += float((0.5 * (self.traction[nodes] ** 2).sum(axis=1) / kt).sum())
+        self.total[0] += float((0.5 * (self.tangential_force[nodes] ** 2).sum(axis=1) / kt).sum())
         self.clear(nodes)
 
     def saved(self) -> dict[str, npt.NDArray[Any]]:

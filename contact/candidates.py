@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.arrays import view
+from contact.contact_state import ContactState
 from contact.exchange import Exchange
-from contact.history import History
 from contact.overlap import deepest
 from contact.search import Search, typical_edge
 from contact.surface import Surface
@@ -26,7 +26,7 @@ _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
 
 
-class Neighbourhood:
+class Candidates:
     """Candidates of a pair, kept so that no node can touch the target before it is one.
 
     Attributes:
@@ -68,7 +68,7 @@ class Neighbourhood:
         self._watch_left, self._way = _WATCH, 0.0
         self._choose(np.empty(0, dtype=np.int32))
 
-    def approach(self, u: Array, v: Array, dt: float, history: History) -> None:
+    def approach(self, u: Array, v: Array, dt: float, contact_state: ContactState) -> None:
         """Read the candidates, and search again before any other node can arrive."""
         self._steps_left -= 1
         self._watch_left -= 1
@@ -82,7 +82,7 @@ class Neighbourhood:
             self.exchange.whole(u, v)
             if way > self.margin:
                 self._check_unseen(way)
-            self._find(history)
+            self._find(contact_state)
             self._steps_left = self._safe_steps(dt) - 1
 
     def _check_unseen(self, way: float) -> None:
@@ -99,10 +99,10 @@ class Neighbourhood:
                 f"search, the margin is {self.margin:.3e} m"
             )
 
-    def settle(self, u: Array, history: History) -> None:
+    def update_static(self, u: Array, contact_state: ContactState) -> None:
         """Read a state at rest, and search again if anything moved far."""
         if not (2.0 * self.exchange.whole(u, u) < self.margin and self._searched):
-            self._find(history)
+            self._find(contact_state)
         self._steps_left = 0
 
     def deepest(self, u: Array, reach: float | None) -> tuple[float, int]:
@@ -115,25 +115,30 @@ class Neighbourhood:
         self.search.neighbourhood(self.item)
         return answer
 
-    def _find(self, history: History) -> None:
+    def _find(self, contact_state: ContactState) -> None:
         xv = self.exchange.xv
         if not np.isfinite(xv).all():
             bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
             where = f"{xv[bad, :3]} m, {xv[bad, 3:]} m/s"
             raise RuntimeError(f"contact pair {self.name}: node {self.nodes[bad]} is at {where}")
         item = self.search.candidates(
-            xv, self.margin, self.reach, history.stiffness, history.facet, history.xi
+            xv,
+            self.margin,
+            self.reach,
+            contact_state.stiffness,
+            contact_state.facet,
+            contact_state.xi,
         )
-        held = history.stiffness > 0.0
+        held = contact_state.stiffness > 0.0
         held[item] = False
         gone = np.flatnonzero(held)
-        deep = gone[history.gap[gone] < -0.5 * self.margin]
+        deep = gone[contact_state.gap[gone] < -0.5 * self.margin]
         if deep.size:
             raise RuntimeError(
                 f"contact pair {self.name}: node {self.nodes[deep[0]]} went through the target "
-                f"(gap {history.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
+                f"(gap {contact_state.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
             )
-        history.release(gone)
+        contact_state.release(gone)
         self._choose(item)
         self._searched = True
         self._watch_left, self._way = _WATCH, 0.0
