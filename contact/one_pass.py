@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
-from contact.arrays import view
+from contact.arrays import Array, Index, State, Vector, struct, view
 from contact.candidates import Candidates
 from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
@@ -16,16 +16,12 @@ from contact.lagrange import Lagrange
 from contact.normal_law import node_foundation
 from contact.options import Options
 from contact.patches import beside, parted
-from contact.state import State, Vector
+from contact.search import Found
 from contact.surface import Surface, tributary_area
 from contact.tangent import shape_functions, stiffness_blocks
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-
 
 STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
@@ -37,7 +33,7 @@ class Pass:
         contactor, target: Its surfaces.
         options: Its options.
         area: Tributary area of all nodes, contactor first, shape ``(n,)`` [m2].
-        near: Candidates.
+        candidates: Nodes that may touch.
         contact_state: Contact of each contactor node.
         active: Contactor nodes in touch.
     """
@@ -69,48 +65,47 @@ class Pass:
         self.contact_state = ContactState(
             len(contactor.nodes), np.inf if lasting else options.tangential
         )
-        self._bind()
-        self._lagrange = (
-            Lagrange(self.candidates, self.contact_state, self._fixed) if lasting else None
-        )
+        self._c = self._bind()
+        self._c_friction = view("friction", self.contact_state.friction, (-1,))
+        self._lagrange: Lagrange | None = None
+        if lasting:
+            self._lagrange = Lagrange(self.candidates, self.contact_state, self._c)
         self.reset()
 
-    def _bind(self) -> None:
-        """Collect the arguments of the kernel calls that stay the same."""
-        n = len(self.area)
-        self._mass = np.concatenate([self.contactor.mass, self.target.mass])
-        self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
-        arrays: dict[str, npt.NDArray[Any]] = {
-            "xv": self.candidates.exchange.xv,
-            "mass": self._mass,
-            "area": self.area,
-            "dofs": self._dofs,
-            "quad": self.candidates.search.quad,
-        }
-        assert self._mass.shape == self._dofs.shape == (n,)
-        self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
-        self._foundation = (ffi.NULL, ffi.NULL)
-        if self.options.method == "modulus-penalty":
-            bed = node_foundation(self.contactor)
-            if self.target.foundation is None:
-                raise ValueError(f"surface {self.target.name}: expected bulk moduli")
-            self._foundation = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
-        c = self.contact_state.c | self._fixed
-        normal = "xv mass area quad facet xi normal gap stiffness damper offset"
-        normal += " normal_force damping_force tangential_force slip touching total"
-        friction = (
-            "xv mass dofs quad facet xi gap normal stiffness normal_force slip tangential_force"
+    def _bind(self) -> Any:
+        """Return the pass for the kernel."""
+        o, exchange = self.options, self.candidates.exchange
+        per_mass = o.penalty / o.dt**2
+        if o.method == "lagrange" and not o.smooth:
+            per_mass *= STATIC
+        c = struct(
+            "wr_pass",
+            target=self.candidates.search.c,
+            xv=exchange.xv,
+            mass=np.concatenate([self.contactor.mass, self.target.mass]),
+            area=self.area,
+            dof=np.concatenate([self.contactor.dofs, self.target.dofs]),
+            per_mass=per_mass,
+            per_area=o.penalty,
+            damping=o.damping,
+            tangential=o.tangential,
+            **self._foundations(),
         )
-        self._c_normal = tuple(c[key] for key in normal.split())
-        self._c_friction = tuple(c[key] for key in friction.split())
+        return c
+
+    def _foundations(self) -> dict[str, Array]:
+        """Return the foundation moduli of both sides, nothing where springs follow the mass."""
+        if self.options.method != "modulus-penalty":
+            return {}
+        contactor, target = node_foundation(self.contactor), self.target.foundation
+        if target is None:
+            raise ValueError(f"surface {self.target.name}: expected bulk moduli")
+        return {"foundation_c": contactor, "foundation_t": target}
 
     def reset(self) -> None:
         """Forget all contact: no node touches, no force, nothing dissipated."""
-        self.contact_state.clear()
-        self.contact_state.total[:] = 0.0
-        self.contact_state.started[:] = np.nan
-        constant = self.options.law.friction if isinstance(self.options.law, Coulomb) else np.nan
-        self.contact_state.friction[:] = constant
+        law = self.options.law
+        self.contact_state.reset(law.friction if isinstance(law, Coulomb) else np.nan)
         self.candidates.forget()
         self.active = 0
 
@@ -125,69 +120,47 @@ class Pass:
             friction: False in statics: normal springs only, a function of ``u`` alone, found
                 by a new search wherever the bodies moved; drops the tangential forces.
         """
+        h = self.contact_state
+        coefficient = ffi.NULL
         if not friction:
-            m = self._update_static(state)
-            coefficient = view("none", np.zeros(len(self.contact_state.gap)), (-1,))
+            self._update_static(state)
         else:
-            self.candidates.approach(state.u.x.array, state.v.x.array, self.dt, self.contact_state)
+            self.candidates.approach(state.u.x.array, state.v.x.array, self.dt, h)
             if self._lagrange is not None:
                 self._close(self._lagrange, state, force.array)
                 return
-            m = self._update(self.dt, state.t)
+            self._update(self.dt, state.t)
             if not isinstance(self.options.law, Coulomb):
-                self._apply_law(m, state.t)
-            coefficient = self.contact_state.c["friction"]
-        lib.wr_friction(
-            m,
-            self.contact_state.c["touching"],
-            self.options.tangential,
-            coefficient,
-            *self._c_friction,
-            view("force", force.array, (-1,), out=True),
-            self.contact_state.c["total"],
-        )
+                self._apply_law(state.t)
+            coefficient = self._c_friction
+        c_force = view("force", force.array, (-1,), out=True)
+        lib.wr_friction(self._c, h.c, self.active, coefficient, c_force)
 
     def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
         """Add the forces that leave no gap at the next step."""
-        near = self.candidates
         # at the start v is at t, and the stepping takes half a step to get to t - dt/2
         kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
-        if np.isnan(self.contact_state.started[0]):  # offsets are those of the present gaps
-            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.contact_state.c)
+        if np.isnan(self.contact_state.started):  # offsets are those of the present gaps
+            self.candidates.track(self.candidates.exchange.c_xv, self.contact_state)
         fade = self._offsets(state.t)
         lagrange.predict(force, self.dt, kick, self.active)
         if not isinstance(self.options.law, Coulomb):
-            self._apply_law(self.active, state.t)
+            self._apply_law(state.t)
         self.active = lagrange.solve(force, self.dt, kick, fade)
 
-    def _update_static(self, state: State) -> int:
-        """Find the contact of a state at rest; return the number of touching nodes."""
+    def _update_static(self, state: State) -> None:
+        """Find the contact of a state at rest."""
         self.candidates.update_static(state.u.x.array, self.contact_state)
         self.contact_state.tangential_force[:] = 0.0
-        self.contact_state.started[:] = np.nan
-        return self._update(0.0, state.t)
+        self.contact_state.started = np.nan
+        self._update(0.0, state.t)
 
-    def _update(self, dt: float, t: float) -> int:
-        """Track the candidates and find their normal forces; return how many touch."""
-        o, near, k = self.options, self.candidates, len(self.candidates.item)
-        near.search.track(k, near.c_item, self._fixed["xv"], self.contact_state.c)
-        per_mass = o.penalty / self.dt**2
-        if self._lagrange is not None:
-            per_mass *= 1.0 if self.candidates.search.smooth else STATIC
+    def _update(self, dt: float, t: float) -> None:
+        """Track the candidates and find their normal forces."""
+        near, h = self.candidates, self.contact_state
+        near.track(near.exchange.c_xv, h)
         fade = self._offsets(t) if dt > 0.0 else 0.0
-        self.active = lib.wr_normal(
-            k,
-            near.c_item,
-            dt,
-            per_mass,
-            o.penalty,
-            o.damping,
-            o.tangential,
-            fade,
-            *self._foundation,
-            *self._c_normal,
-        )
-        return self.active
+        self.active = lib.wr_normal(self._c, near.found.c, h.c, dt, fade)
 
     def _offsets(self, t: float) -> float:
         """Set the offsets at the first step; return which part of them is left at ``t``."""
@@ -197,9 +170,10 @@ class Pass:
             self.candidates.item, t, self.options.offset_time, always, rest
         )
 
-    def _apply_law(self, m: int, t: float) -> None:
+    def _apply_law(self, t: float) -> None:
+        """Set the coefficient of friction of the touching nodes."""
         h = self.contact_state
-        c = h.touching[:m]
+        c = h.touching[: self.active]
         slip = h.slip.take(c, axis=0)
         rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
         pressure = h.normal_force.take(c) / self.area.take(c)
@@ -237,13 +211,30 @@ class Pass:
         Returns:
             See :func:`contact.tangent.stiffness_blocks`.
         """
+        self._update_static(state)
         h = self.contact_state
-        c = h.touching[: self._update_static(state)]
+        c = h.touching[: self.active]
         nodes = self.candidates.nodes
         nodes = np.column_stack([nodes[c], nodes[self.candidates.search.quad[h.facet[c]]]])
         kn = h.stiffness[c]
         kt = self.options.tangential * kn if stick else 0.0
         return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
+
+    def effective_mass(self, found: Found, state: ContactState) -> tuple[Array, Array]:
+        """Return the effective mass [kg] of candidates and the area that both sides bring [m2].
+
+        Args:
+            found: ``k`` candidates.
+            state: Their closest points.
+
+        Returns:
+            Shapes ``(k,)``.
+        """
+        mass, shared = np.empty((2, len(found.item)))
+        c_mass = view("mass", mass, (-1,), out=True)
+        c_shared = view("shared", shared, (-1,), out=True)
+        lib.wr_effective_mass(self._c, found.c, state.c, c_mass, c_shared)
+        return mass, shared
 
     # ---- results --------------------------------------------------------------------------
 
@@ -321,12 +312,11 @@ class Pass:
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        own = {"own": np.array([self.active, self.contact_state.started[0]])}
-        return self.contact_state.saved() | self.candidates.saved() | own
+        active = {"active": np.array([self.active])}
+        return self.contact_state.saved() | self.candidates.saved() | active
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
         self.contact_state.load(memory)
-        self.candidates.load(memory)
-        active, self.contact_state.started[0] = memory["own"]
-        self.active = int(active)
+        self.candidates.load(memory, self.contact_state)
+        self.active = int(memory["active"][0])

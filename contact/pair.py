@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from contact.arrays import Array, Index, State, Vector
 from contact.footprint import Footprint
 from contact.friction import Law, as_law
 from contact.one_pass import Pass
 from contact.options import Options
-from contact.state import State, Vector
 from contact.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
 class ContactPair:
@@ -191,55 +188,48 @@ class ContactPair:
     @property
     def friction_dissipation(self) -> float:
         """Work turned into heat by friction since :meth:`reset` [J]."""
-        return float(sum(side.contact_state.total[0] for side in self.passes))
+        return sum(side.contact_state.totals.friction_dissipation for side in self.passes)
 
     @property
     def damping_dissipation(self) -> float:
         """Work turned into heat by normal damping since :meth:`reset` [J]."""
-        return float(sum(side.contact_state.total[1] for side in self.passes))
+        return sum(side.contact_state.totals.damping_dissipation for side in self.passes)
 
     @property
     def normal_energy(self) -> float:
         """Energy of the normal springs at the last step [J]."""
-        return float(sum(side.contact_state.total[2] for side in self.passes))
+        return sum(side.contact_state.totals.normal_energy for side in self.passes)
 
     @property
     def tangential_energy(self) -> float:
         """Energy of the tangential springs at the last step [J]."""
-        return float(sum(side.contact_state.total[3] for side in self.passes))
+        return sum(side.contact_state.totals.tangential_energy for side in self.passes)
 
     @property
     def stored_energy(self) -> float:
         """Energy of the normal and tangential springs at the last step [J]."""
-        return float(
-            sum(side.contact_state.total[2] + side.contact_state.total[3] for side in self.passes)
-        )
+        totals = (side.contact_state.totals for side in self.passes)
+        return sum(t.normal_energy + t.tangential_energy for t in totals)
 
     @property
     def max_penetration(self) -> float:
         """Deepest penetration at the last step [m]."""
-        return float(max(side.contact_state.total[4] for side in self.passes))
+        return max(side.contact_state.totals.max_penetration for side in self.passes)
 
     @property
     def normal_force(self) -> float:
         """Sum of the nodal normal forces at the last step [N]."""
-        return float(sum(side.contact_state.total[5] for side in self.passes))
+        return sum(side.contact_state.totals.normal_force for side in self.passes)
 
     @property
     def normal_resultant(self) -> Array:
         """Vector sum of the normal forces on the contactor, shape ``(3,)`` [N]."""
-        return self._on_contactor(slice(6, 9))
+        return _less_reaction([s.contact_state.totals.normal_resultant for s in self.passes])
 
     @property
     def tangential_force(self) -> Array:
         """Vector sum of the tangential forces on the contactor, shape ``(3,)`` [N]."""
-        return self._on_contactor(slice(9, 12))
-
-    def _on_contactor(self, part: slice) -> Array:
-        first, *second = (side.contact_state.total[part].copy() for side in self.passes)
-        for reaction in second:
-            first -= reaction
-        return first
+        return _less_reaction([s.contact_state.totals.tangential_resultant for s in self.passes])
 
     @property
     def initial_offsets(self) -> tuple[int, float]:
@@ -319,3 +309,11 @@ class ContactPair:
             side.restore(
                 {k.removeprefix(prefix): a for k, a in memory.items() if k.startswith(prefix)}
             )
+
+
+def _less_reaction(resultants: list[Any]) -> Array:
+    """Return the resultant of the first pass less that of the second, shape ``(3,)`` [N]."""
+    first, *second = (np.array([*r]) for r in resultants)
+    for reaction in second:
+        first -= reaction
+    return first

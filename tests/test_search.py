@@ -212,7 +212,7 @@ def test_search_cost_follows_the_patch():
     n = 3 * (len(target.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
-    assert 1 <= pair.passes[0].candidates.search.live.sum() <= 25
+    assert 1 <= pair.passes[0].candidates.found.live.sum() <= 25
 
 
 def test_topology():

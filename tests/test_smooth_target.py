@@ -156,9 +156,9 @@ def test_border_normals_mirror_the_inner_ones():
     """At the border of a cylinder the normal is that of the circle, not of the last chord."""
     target = cylinder(2e-3)
     s = Smooth(target.reference, target.facets, 0.7)
-    s.choose(np.ones(len(target.facets), dtype=np.uint8))
+    every = s.corners(np.ones(len(target.facets), dtype=np.uint8))
     xv = np.hstack([target.reference, np.zeros_like(target.reference)])
-    s.update(view("xv", np.ascontiguousarray(xv), xv.shape))
+    s.update(every, view("xv", np.ascontiguousarray(xv), xv.shape))
     node = np.empty(len(s.normals), dtype=int)
     node[s.corner.ravel()] = target.facets.ravel()
     exact = target.reference[node] * [1, 0, 1] / R

@@ -96,7 +96,7 @@ class Watch:
 
     def _touch(self, name: str, pair: "ContactPair") -> None:
         if pair.normal_force > 0.0:
-            side = max(pair.passes, key=lambda one: one.contact_state.total[5])
+            side = max(pair.passes, key=lambda one: one.contact_state.totals.normal_force)
             c = side.contact_state.touching[: side.active]
             top = int(c[np.argmax(side.contact_state.normal_force[c])])
             self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(side, top)}"

@@ -207,7 +207,7 @@ def contact_mass(model: Model) -> Array:
     for side in (side for pair in model.pairs.values() for side in pair.passes):
         near = side.candidates
         stacked = np.concatenate([side.contactor.dofs, side.target.dofs])
-        facets = near.search.quad[near.search.live.astype(bool)]
+        facets = near.search.quad[near.found.live.astype(bool)]
         dofs = stacked[np.unique(np.concatenate([near.item, facets.ravel()]))]
         dofs = dofs[dofs >= 0]
         share = HEAVIER * side.options.penalty / (4 * SAFETY**2)
