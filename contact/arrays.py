@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi
+from meshes.arrays import Array
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Index32 = npt.NDArray[np.int32]  # nodes and facets of the kernel
 
 _C_TYPES = {

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from contact.arrays import Array, Index32
+from contact.arrays import Index32
 from contact.contact_state import ContactState
 from contact.exchange import Exchange
 from contact.search import Found, Search, typical_edge
 from contact.surface import Surface
+from meshes.arrays import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi
-from contact.arrays import Index, Index32, struct
+from contact.arrays import Index32, struct
+from meshes.arrays import Index
 
 
 class ContactState:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact._kernel import lib
-from contact.arrays import Array, Index32, view
+from contact.arrays import Index32, view
+from meshes.arrays import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -11,7 +11,8 @@ from types import CodeType
 
 import numpy as np
 
-from contact.friction import Array, Law, LawState
+from contact.friction import Law, LawState
+from meshes.arrays import Array
 
 VARIABLES = ("slip_rate", "pressure", "t", "previous")
 FUNCTIONS = {

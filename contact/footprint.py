@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,7 @@ class Patch:
         Positive towards the negative lateral axis. Where the contactor is a driven wheel the shear
         on the rail points backwards and the angle is small.
         """
-        longitudinal, lateral = self.shear_stress
-        return float(np.arctan2(lateral, longitudinal))
+        return shear_angle(self.shear_stress)
 
 
 @dataclass(frozen=True)
@@ -126,6 +124,24 @@ def frame_of(normal: Array) -> Array:
     return np.array([along, np.cross(normal, along), normal])
 
 
+def contact_angle(normal: Array) -> Array:
+    """Return the angle of normals from the vertical in the y-z plane, shape ``(...)`` [rad].
+
+    Args:
+        normal: Normals or normal resultants, shape ``(..., 3)``.
+    """
+    return np.arctan2(np.abs(normal[..., 1]), np.abs(normal[..., 2]))
+
+
+def shear_angle(shear: Array) -> float:
+    """Return the angle of the shear on the lower body from the negative longitudinal axis [rad].
+
+    Args:
+        shear: Longitudinal and lateral shear on the upper body, shape ``(2,)``.
+    """
+    return float(np.arctan2(shear[1], shear[0]))
+
+
 def _patch(
     nodes: Index,
     position: Array,
@@ -148,7 +164,7 @@ def _patch(
         normal_force=float(force.sum()),
         normal_resultant=resultant,
         tangential_force=tangential_force[nodes].sum(axis=0),
-        contact_angle=float(np.arctan2(abs(resultant[1]), abs(resultant[2]))),
+        contact_angle=float(contact_angle(resultant)),
         max_pressure=float((force / area[nodes]).max()),
         frame=frame,
         spin_moment=float(frame[2] @ moment),

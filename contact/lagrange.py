@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from contact._kernel import ffi, lib
-from contact.arrays import Array, struct, view
+from contact.arrays import struct, view
 from contact.candidates import Candidates
 from contact.contact_state import ContactState
+from meshes.arrays import Array
 
 TOLERANCE = 1e-10  # last move of the sweeps over the deepest overlap that they remove
 _SWEEPS = 200

@@ -13,11 +13,10 @@
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from contact.surface import Surface, corner_areas, tributary_area
-
-Array = npt.NDArray[np.float64]
+from contact.surface import Surface, tributary_area
+from meshes.arrays import Array
+from meshes.quads import nodal_areas
 
 
 def node_foundation(surface: Surface) -> Array:
@@ -29,10 +28,7 @@ def node_foundation(surface: Surface) -> Array:
     facet = surface.foundation
     if facet is None:
         raise ValueError(f"surface {surface.name}: expected bulk moduli for modulus-penalty")
-    share = corner_areas(surface.reference, surface.facets)
-    total = np.bincount(
-        surface.facets.ravel(), (share * facet[:, None]).ravel(), minlength=len(surface.nodes)
-    )
+    total = nodal_areas(surface.reference, surface.facets, facet)
     return np.asarray(total / tributary_area(surface))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
-from contact.arrays import Array, Index, State, Vector, struct, view
+from contact.arrays import State, Vector, struct, view
 from contact.candidates import Candidates
 from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
@@ -19,6 +19,7 @@ from contact.patches import beside, parted
 from contact.search import Found
 from contact.surface import Surface, tributary_area
 from contact.tangent import shape_functions, stiffness_blocks
+from meshes.arrays import Array, Index
 
 if TYPE_CHECKING:
     from mpi4py import MPI

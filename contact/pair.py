@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from contact.arrays import Array, Index, State, Vector
+from contact.arrays import State, Vector
 from contact.footprint import Footprint
 from contact.friction import Law, as_law
 from contact.one_pass import Pass
 from contact.options import Options
 from contact.surface import Surface
+from meshes.arrays import Array, Index
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -237,7 +238,11 @@ class ContactPair:
         count, depth = zip(*(side.contact_state.offsets for side in self.passes), strict=True)
         return sum(count), max(depth)
 
-    def energy(self) -> dict[str, float]:
+    def rest(self, state: State, force: Vector) -> None:
+        """Add the forces in statics: normal springs only, see :meth:`add`."""
+        self.add(state, force, friction=False)
+
+    def energy(self, state: State) -> dict[str, float]:
         """Return the terms of the energy balance [J], the same on all ranks.
 
         ``contact`` is stored, of it ``contact_normal`` and ``contact_tangential``;

@@ -8,10 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
-from contact.arrays import Array, Index32, struct, view
+from contact.arrays import Index32, struct, view
 from contact.contact_state import ContactState
 from contact.smooth import Corners, Smooth
-from contact.surface import Surface, facet_areas
+from contact.surface import Surface
+from meshes.arrays import Array
+from meshes.quads import area_vectors
 
 SHARP = lib.WR_SHARP
 _SHARP_COSINE = np.cos(np.radians(40.0))  # beyond it the projection alone cannot be trusted
@@ -33,7 +35,7 @@ def facet_kinds(
     _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     border = (count[edge.ravel()] == 1).reshape(-1, 4)
     kind = (border << np.arange(4)).sum(axis=1)
-    normal = facet_areas(points, quad)
+    normal = area_vectors(points, quad)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     corner = quad.ravel()
     valence = np.diff(around)
@@ -100,7 +102,7 @@ class Search:
         points = np.vstack([contactor.reference, target.reference])
         self.around, self.ring = node_facets(self.quad, self.n)
         self.kind = facet_kinds(points, self.quad, self.around, self.ring)
-        self.size = np.sqrt(np.linalg.norm(facet_areas(points, self.quad), axis=1))
+        self.size = np.sqrt(np.linalg.norm(area_vectors(points, self.quad), axis=1))
         p = points[self.quad]
         self._longest = float(np.linalg.norm(p[:, [0, 1]] - p[:, [2, 3]], axis=2).max())
         self.smooth = None
@@ -166,7 +168,7 @@ class Search:
         near = np.zeros(self.nc, dtype=bool)
         near[item] = True
         quads = self.facets[near[self.facets].any(axis=1)]
-        area = np.repeat(facet_areas(x, quads), 4, axis=0)
+        area = np.repeat(area_vectors(x, quads), 4, axis=0)
         outward = np.empty((self.nc, 3))
         for a in range(3):
             outward[:, a] = np.bincount(quads.ravel(), area[:, a], minlength=self.nc)

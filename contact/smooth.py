@@ -15,8 +15,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from contact._kernel import lib
-from contact.arrays import Array, Index32, struct, view
-from contact.surface import facet_areas
+from contact.arrays import Index32, struct, view
+from meshes.arrays import Array
+from meshes.quads import area_vectors
 
 
 def smooth_neighbours(points: Array, quad: Index32, angle: float) -> Index32:
@@ -35,7 +36,7 @@ def smooth_neighbours(points: Array, quad: Index32, angle: float) -> Index32:
     edge = edge.ravel()
     order = np.argsort(edge, kind="stable")
     order = order[count[edge[order]] == 2].reshape(-1, 2)
-    normal = facet_areas(points, quad)
+    normal = area_vectors(points, quad)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     one, two = order[:, 0] // 4, order[:, 1] // 4
     shared = order[np.einsum("ia,ia->i", normal[one], normal[two]) > np.cos(angle)]

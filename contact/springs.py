@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact.arrays import Array, Index, State
+from contact.arrays import State
 from contact.normal_law import node_foundation
 from contact.one_pass import Pass
 from contact.surface import Surface
 from contact.tangent import stiffness_blocks
+from meshes.arrays import Array, Index
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,19 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import FACES
+from meshes.quads import area_vectors, nodal_areas
+from meshes.quality import cell_volumes
 
 if TYPE_CHECKING:
     from meshes.domain import Domain
     from meshes.hexmesh import HexMesh
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,36 +48,9 @@ class Surface:
         return bool(np.isinf(self.mass).all())
 
 
-def facet_areas(points: Array, facets: npt.NDArray[np.integer[Any]]) -> Array:
-    """Return the area vectors of quads, shape ``(q, 3)`` [m2]; exact for warped ones too."""
-    p = points[facets]
-    return 0.5 * np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
-
-
-def corner_areas(points: Array, facets: npt.NDArray[np.int32]) -> Array:
-    """Return the share of each corner in its facet's area, shape ``(q, 4)`` [m2].
-
-    The share is the integral of the corner's shape function, by 2 x 2 Gauss points.
-    """
-    p = points[facets]
-    share = np.zeros(facets.shape)
-    g = 1.0 / np.sqrt(3.0)
-    for a in (-g, g):
-        for b in (-g, g):
-            shape = 0.25 * np.array(
-                [(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b), (1 - a) * (1 + b)]
-            )
-            da = 0.25 * np.array([b - 1, 1 - b, 1 + b, -1 - b])
-            db = 0.25 * np.array([a - 1, -1 - a, 1 + a, 1 - a])
-            normal = np.cross(np.einsum("i,qia->qa", da, p), np.einsum("i,qia->qa", db, p))
-            share += np.linalg.norm(normal, axis=1)[:, None] * shape
-    return share
-
-
 def tributary_area(surface: Surface) -> Array:
     """Return the undeformed area that belongs to each node, shape ``(n,)`` [m2]."""
-    share = corner_areas(surface.reference, surface.facets)
-    return np.bincount(surface.facets.ravel(), weights=share.ravel(), minlength=len(surface.nodes))
+    return nodal_areas(surface.reference, surface.facets)
 
 
 def _check(
@@ -84,7 +58,7 @@ def _check(
 ) -> None:
     """Raise ValueError if a facet is folded, has no area or repeats a node."""
     p = points[facets]
-    area = facet_areas(points, facets)
+    area = area_vectors(points, facets)
     longest = np.max(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), axis=1)
     corner = np.cross(np.roll(p, -1, axis=1) - p, np.roll(p, 1, axis=1) - p)
     folded = np.einsum("qia,qa->qi", corner, area).min(axis=1) < 0.0
@@ -120,18 +94,8 @@ def foundation(
     if unknown:
         raise ValueError(f"surface {name}: no bulk modulus for regions {unknown}")
     modulus = np.array([bulk[int(tag)] for tag in regions])
-    area = np.linalg.norm(facet_areas(mesh.points, quads), axis=1)
-    return np.asarray(modulus * area / cell_volumes(mesh.points[mesh.cells[cell]]))
-
-
-def cell_volumes(corners: Array) -> Array:
-    """Return the volumes of hexahedra with ``corners`` ``(c, 8, 3)`` in VTK order [m3]."""
-    p = corners[:, FACES] - corners.mean(axis=1)[:, None, None]
-    centre = p.mean(axis=2)
-    cone = 0.0
-    for a in range(4):  # cones from the middle over triangles round the centre of each face
-        cone = cone + np.einsum("cfa,cfa->c", centre, np.cross(p[:, :, a], p[:, :, (a + 1) % 4]))
-    return np.asarray(cone / 6.0)
+    area = np.linalg.norm(area_vectors(mesh.points, quads), axis=1)
+    return np.asarray(modulus * area / cell_volumes(mesh.points, mesh.cells[cell]))
 
 
 def surface(

@@ -21,7 +21,8 @@ from forms.mass import lumped_mass
 from meshes.domain import distribute
 from meshes.shapes.blocks import block
 from meshes.tags import Tag
-from workflow.simulation.stepping import State, central_difference
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference
 
 MU, RHO = 1e6, 1000.0  # shear modulus [Pa], density [kg/m³]
 LENGTH, SIZE = 0.1, 0.01  # [m]

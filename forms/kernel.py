@@ -16,7 +16,7 @@ from forms.simd.native import TIMEOUT, NativeKernel, Unsupported
 Array = npt.NDArray[np.float64]
 
 # FFCx's default flags run these kernels five times slower. Fast-math still propagates a NaN through
-# sums and products, and the guard that looks for it is compiled without (tests/test_kernel.py).
+# sums and products; the guard that looks for it is compiled without (tests/forms/test_kernel.py).
 JIT_OPTIONS = {
     "cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math"],
     "cffi_libraries": ["m"],

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads that are not springs: dead loads, drive torque, mass-proportional damping.
+"""Loads that are not springs: dead loads, drive torque, mass-proportional damping."""
 
-Each is a callable ``add(state, force)`` and knows the work it has done.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 import ufl
+
+from forms.rank_sums import gathered, own_part
+from meshes.quads import nodal_areas
 
 Array = npt.NDArray[np.float64]
 Dofs = npt.NDArray[np.int32]
@@ -31,20 +31,7 @@ def nodal_traction(points: Array, quads: npt.NDArray[np.int64], traction: Array)
         quads: Nodes of each quad, shape ``(q, 4)``.
         traction: Force per reference area, shape ``(3,)`` [Pa].
     """
-    share = np.zeros(len(points))
-    x = points[quads]
-    for a, b in np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / np.sqrt(3):
-        N = (
-            np.array([(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b), (1 - a) * (1 + b)])
-            / 4
-        )
-        da = np.array([b - 1, 1 - b, 1 + b, -1 - b]) / 4
-        db = np.array([a - 1, -1 - a, 1 + a, 1 - a]) / 4
-        area = np.linalg.norm(
-            np.cross(np.einsum("i,qid->qd", da, x), np.einsum("i,qid->qd", db, x)), axis=1
-        )
-        np.add.at(share, quads, area[:, None] * N)
-    return share[:, None] * np.asarray(traction)
+    return nodal_areas(points, quads)[:, None] * np.asarray(traction)
 
 
 @dataclass
@@ -62,9 +49,10 @@ class DeadLoad:
         """Add the load."""
         force.array[: len(self.nodal)] += self.nodal
 
-    def work(self, u: Array) -> float:
-        """Work done since the undeformed state [J]."""
-        return float(self.comm.allreduce(self.nodal @ u[: len(self.nodal)]))
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the work done since the undeformed state [J]; collective."""
+        u = state.u.x.array[: len(self.nodal)]
+        return {"external_work": float(self.comm.allreduce(self.nodal @ u))}
 
 
 @dataclass
@@ -75,6 +63,8 @@ class MassDamping:
         nodal: ``α m`` of every owned dof, shape ``(3 * owned,)`` [N s/m].
         dt: Step, for the energy taken [s].
     """
+
+    rest: ClassVar = None
 
     comm: MPI.Comm
     nodal: Array
@@ -98,6 +88,18 @@ class MassDamping:
             self.dissipation += self.dt * float(total.sum()) / 2
         self._last, self._force, self._began = f, total, True
 
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the energy taken so far [J]; collective."""
+        return {"damping": self.comm.allreduce(self.dissipation)}
+
+    def memory(self) -> dict[str, Array]:
+        """Return the energy taken on each rank; collective."""
+        return {"dissipation": gathered(self.comm, self.dissipation)}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self.dissipation = own_part(self.comm, memory["dissipation"])
+
 
 @dataclass
 class DriveTorque:
@@ -113,6 +115,8 @@ class DriveTorque:
         torque: Final torque [N m].
         ramp: Time to reach it [s].
     """
+
+    rest: ClassVar = None
 
     comm: MPI.Comm
     dofs: Dofs
@@ -167,3 +171,16 @@ class DriveTorque:
         self._last, self._u = (scale, self._u), way
         self._turn *= scale
         np.add.at(force.array, self._index.ravel(), self._turn.ravel())
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the work done so far [J]; collective."""
+        return {"external_work": self.comm.allreduce(self.work)}
+
+    def memory(self) -> dict[str, Array]:
+        """Return the torque and the work done on each rank; collective."""
+        return {"torque": np.array(self.torque), "work": gathered(self.comm, self.work)}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self.torque = float(memory["torque"])
+        self.work = own_part(self.comm, memory["work"])

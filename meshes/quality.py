@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figures of a hexahedral mesh: sizes, shapes, volume, mass."""
+"""Quality of hexahedral meshes: edge lengths, scaled Jacobians, volumes, mass."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.generate.refine import edges_of
-from meshes.hexmesh import HexMesh, boundary
-
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array, Index
+from meshes.hexmesh import HexMesh, boundary, edges_of
+from meshes.quads import enclosed_volume
 
 # The three neighbours of each node of a hexahedron, right-handed.
 NEIGHBOURS = np.array(
@@ -74,30 +72,29 @@ def quality(mesh: HexMesh, *, density: float = 7850.0) -> Quality:
         mesh: The mesh.
         density: Density of all its regions [kg/m³].
     """
-    edges, _ = edges_of(mesh.cells)
-    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
-    volume = float(volumes(mesh).sum())
-    tags, counts = np.unique(mesh.regions, return_counts=True)
+    length = edge_lengths(mesh.points, mesh.cells)
+    volume = float(cell_volumes(mesh.points, mesh.cells).sum())
     return Quality(
         cells=len(mesh.cells),
         nodes=len(mesh.points),
         shortest=float(length.min()),
         longest=float(length.max()),
-        scaled_jacobian=float(scaled_jacobians(mesh).min()),
+        scaled_jacobian=float(scaled_jacobians(mesh.points, mesh.cells).min()),
         volume=volume,
-        enclosed=enclosed_volume(mesh),
+        enclosed=enclosed_volume(mesh.points, boundary(mesh.cells)),
         mass=density * volume,
-        regions={mesh.name(int(tag)).upper(): int(n) for tag, n in zip(tags, counts, strict=True)},
+        regions={name.upper(): count for name, count in mesh.counts(mesh.regions).items()},
     )
 
 
-def scaled_jacobians(mesh: HexMesh) -> Array:
+def edge_lengths(points: Array, cells: Index) -> Array:
+    """Return the length of every edge of the mesh, shape ``(e,)`` [m]."""
+    ends = points[edges_of(cells)[0]]
+    return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
+
+def scaled_jacobians(points: Array, cells: Index) -> Array:
     """Return the smallest determinant of unit edges over the nodes of each cell, ``(c,)``."""
-    return worst_corners(mesh.points, mesh.cells)
-
-
-def worst_corners(points: Array, cells: npt.NDArray[np.int64]) -> Array:
-    """Return the scaled Jacobian of each of ``cells``, shape ``(c,)``, as the smallest of 8."""
     x = points[cells]
     edges = x[:, NEIGHBOURS] - x[:, :, None]
     edges /= np.linalg.norm(edges, axis=3, keepdims=True)
@@ -107,27 +104,12 @@ def worst_corners(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     )
 
 
-def volumes(mesh: HexMesh) -> Array:
+def cell_volumes(points: Array, cells: Index) -> Array:
     """Return the volume of each cell by 2 × 2 × 2 Gauss points, shape ``(c,)`` [m³]."""
-    x = mesh.points[mesh.cells]
+    x = points[cells]
     total = np.zeros(len(x))
     for xi in CORNERS / np.sqrt(3):
         shape = 1 + CORNERS * xi
         gradient = CORNERS * np.roll(shape, -1, axis=1) * np.roll(shape, -2, axis=1) / 8
         total += np.linalg.det(np.einsum("cni,nk->cik", x, gradient))
-    return total
-
-
-def enclosed_volume(mesh: HexMesh) -> float:
-    """Return the volume within the outer surface by the divergence theorem [m³]."""
-    x = mesh.points[boundary(mesh.cells)]
-    total = 0.0
-    for u in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
-        for v in (-1 / np.sqrt(3), 1 / np.sqrt(3)):
-            shape = np.array([(1 - u) * (1 - v), (1 + u) * (1 - v), (1 + u) * (1 + v)])
-            shape = np.append(shape, (1 - u) * (1 + v)) / 4
-            along = np.array([-(1 - v), 1 - v, 1 + v, -(1 + v)]) / 4
-            across = np.array([-(1 - u), -(1 + u), 1 + u, 1 - u]) / 4
-            at, a, b = (np.einsum("qni,n->qi", x, w) for w in (shape, along, across))
-            total += float(np.sum(at * np.cross(a, b))) / 3
     return total

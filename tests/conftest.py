@@ -1,9 +1,173 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Workers that compile the same form wait for each other for as long as it takes."""
+"""Fixtures of the whole suite: processes and ranks, results shared by tests, round-off."""
 
-from mpi4py import MPI  # noqa: F401
+import fcntl
+import functools
+import hashlib
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
+from mpi4py import MPI
+
+import pytest
 from dolfinx import jit
 
+from tests.round_off import perturbed
+from workflow import Scene
+from workflow.model.model import Model, build
+from workflow.simulation import initial
+from workflow.simulation import run as running
+from workflow.simulation.ranks import mpi_command, mpiexec
+from workflow.stability import limits
+
+# workers that compile the same form wait for each other for as long as it takes
 _, _words = jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (300, _words)
+
+Done = subprocess.CompletedProcess[str]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add ``--perturb``."""
+    parser.addoption(
+        "--perturb",
+        type=int,
+        default=0,
+        metavar="SEED",
+        help="start every run with its velocities changed in the last digit (tests/round_off.py)",
+    )
+
+
+@pytest.fixture
+def round_off(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Give the runs to come, in this process, a round-off of their own: ``round_off(seed)``."""
+
+    def choose(seed: int) -> None:
+        def start(model: Model, log: Callable[[str], Any]) -> None:
+            initial.start(model, log)
+            perturbed(model, seed)
+
+        for module in (running, limits):
+            monkeypatch.setattr(module, "start", start)
+
+    return choose
+
+
+@pytest.fixture(autouse=True)
+def _perturbed(request: pytest.FixtureRequest) -> None:
+    if seed := request.config.getoption("--perturb"):
+        request.getfixturevalue("round_off")(seed)
+
+
+@pytest.fixture(scope="session")
+def mpirun() -> Callable[..., Done]:
+    """Run Python on ranks: ``mpirun(2, "-m", "workflow.cli", "run", "bar-wave")``.
+
+    The words are those of the interpreter (``-c`` and a snippet, ``-m`` and a module, a file). One
+    rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``.
+    """
+    launcher = mpiexec()
+
+    def call(
+        ranks: int, *words: object, timeout: float = 300, check: bool = True, **options: Any
+    ) -> Done:
+        if ranks > 1 and launcher is None:
+            pytest.skip("needs mpiexec beside python or on PATH")
+        python = mpi_command(ranks, []) if ranks > 1 else [sys.executable]
+        command = [*python, *map(str, words)]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=timeout, check=False, **options
+        )
+        assert not check or done.returncode == 0, done.stdout + done.stderr
+        return done
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def squealx(mpirun: Callable[..., Done]) -> Callable[..., Done]:
+    """Run the command in a process of its own: ``squealx("run", "bar-wave", "--ranks", 2)``."""
+    return functools.partial(mpirun, 1, "-m", "workflow.cli")
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], Any]], Any]:
+    """Make something once per session: ``shared(name, make)`` returns what ``make(folder)`` did.
+
+    Workers of pytest-xdist share it: one makes it in a folder that stays, the others wait and read
+    a copy of what was returned, which is pickled.
+    """
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
+
+    def get(name: str, make: Callable[[Path], Any]) -> Any:
+        folder = base / "shared" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = folder.with_suffix(".pickle")
+        with folder.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not kept.exists():
+                kept.write_bytes(pickle.dumps(make(folder)))
+        return pickle.loads(kept.read_bytes())
+
+    return get
+
+
+def key(scene: Scene) -> str:
+    """Return a name for a scene with all its settings."""
+    tables = json.dumps(scene.tables(), sort_keys=True, default=str)
+    return f"{scene.name}-{hashlib.sha256(tables.encode()).hexdigest()[:12]}"
+
+
+@pytest.fixture(scope="session")
+def run_scene(shared: Callable[..., Any]) -> Callable[..., Path]:
+    """Run a scene quietly and return its folder, once per session and changes.
+
+    ``run_scene("bar-impact", **{"mesh.size": 5e-3})``. The folder is for reading: a test that
+    writes in it copies it first.
+    """
+
+    def get(name: str, **changes: Any) -> Path:
+        scene = Scene.load(name, **changes)
+
+        def make(folder: Path) -> Path:
+            running.run(scene, folder / "run", quiet=True)
+            return folder / "run"
+
+        return shared(key(scene), make)
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def resting() -> Callable[..., Model]:
+    """Return a scene brought to rest: ``resting("hertz", **{"mesh.size": 1e-3})``.
+
+    Solved once per process and changes, so the model is for reading. A test that steps it or
+    changes it asks for ``fresh=True`` and gets one of its own.
+    """
+    kept: dict[str, tuple[Model, bytes]] = {}
+
+    def at_rest(scene: Scene) -> Model:
+        model = build(scene, MPI.COMM_SELF)
+        initial.start(model, lambda line: None)
+        return model
+
+    def get(name: str, *, fresh: bool = False, **changes: Any) -> Model:
+        scene = Scene.load(name, **changes)
+        if fresh:
+            return at_rest(scene)
+        if key(scene) not in kept:
+            model = at_rest(scene)
+            kept[key(scene)] = model, model.state.u.x.array.tobytes()
+        model, at_first = kept[key(scene)]
+        assert model.state.u.x.array.tobytes() == at_first, f"{name}: a test moved what is shared"
+        return model
+
+    return get

@@ -1,23 +1,47 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Scene in, study out."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from workflow.scene.scene import Scene
-    from workflow.simulation.run import Result, run
+    from workflow.model import Model, build
+    from workflow.model.state import State
+    from workflow.results.result import Result, read_run
+    from workflow.scene import Scene, SceneError
+    from workflow.simulation.initial import rest
+    from workflow.simulation.run import run
+    from workflow.simulation.stepping import central_difference
 
-__all__ = ["Result", "Scene", "run"]
+__all__ = [
+    "Model",
+    "Result",
+    "Scene",
+    "SceneError",
+    "State",
+    "build",
+    "central_difference",
+    "read_run",
+    "rest",
+    "run",
+]
+
+_HOME = {
+    "Model": "model",
+    "Result": "results.result",
+    "Scene": "scene",
+    "SceneError": "scene",
+    "State": "model.state",
+    "build": "model",
+    "central_difference": "simulation.stepping",
+    "read_run": "results.result",
+    "rest": "simulation.initial",
+    "run": "simulation.run",
+}
 
 
 def __getattr__(name: str) -> Any:
     """Import on first use: ``squealx --help`` should not load DOLFINx."""
-    if name == "Scene":
-        from workflow.scene.scene import Scene
-
-        return Scene
-    if name in ("run", "Result"):
-        from workflow.simulation import run as running
-
-        return getattr(running, name)
-    raise AttributeError(name)
+    if name not in _HOME:
+        raise AttributeError(f"module 'workflow' has no attribute {name!r}")
+    return getattr(import_module(f"workflow.{_HOME[name]}"), name)

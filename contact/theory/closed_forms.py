@@ -7,11 +7,10 @@ Sources: K. L. Johnson, Contact Mechanics (1985), equations named in the functio
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 
 @dataclass(frozen=True)

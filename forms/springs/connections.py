@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Springs and dampers that hold bodies to point masses, to each other or to the ground."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from forms.rank_sums import own_part
 from forms.springs.dashpots import Dashpots
 from forms.springs.node_to_facet import Between
 from forms.springs.point_masses import PointMasses, damper_work
@@ -166,6 +167,44 @@ class Connections:
     masses: PointMasses
     links: list[Link]
     dt: float
+
+    def rest(self, state: Any, force: Any) -> None:
+        """Add the forces on the nodes with the point masses settled under their displacement."""
+        self.settle(state.u.x.array)
+        self.add(state, force)
+
+    def back(self, dt: float) -> None:
+        """Take the velocity of the point masses back by ``dt`` [s]."""
+        self.masses.back(dt)
+
+    def step(self, dt: float) -> None:
+        """Kick and drift the point masses over ``dt`` [s]."""
+        self.masses.step(dt)
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return kinetic energy, spring energy, energy taken and work done [J]; collective."""
+        return {
+            "spring": self.stored_energy(state.u.x.array),
+            "damping": self.dissipation(),
+            "external_work": self.masses.work,
+            "kinetic": self.masses.kinetic_energy(self.dt),
+        }
+
+    def memory(self) -> dict[str, Array]:
+        """Return the motion of the point masses and the sums of each rank; collective."""
+        m, taken = self.masses, [link.dissipation for link in self.links]
+        return {
+            "u": m.u, "v": m.v, "sums": np.array([m.dissipation, m.work]),
+            "links": np.array(self.comm.allgather(taken)),
+        }  # fmt: skip
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        m = self.masses
+        m.u[:], m.v[:] = memory["u"], memory["v"]
+        m.dissipation, m.work = map(float, memory["sums"])
+        for link, parts in zip(self.links, memory["links"].T, strict=True):
+            link.dissipation = own_part(self.comm, parts)
 
     def add(self, state: Any, force: Any) -> None:
         """Add the forces on the nodes and collect those on the point masses."""

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a rail rests: shares of nodes in a stretch of its foot, points of the surface below."""
+"""Rail seats: shares of the nodes in a stretch of the foot, bilinear weights on what is below."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
+from meshes.quads import GAUSS, bilinear
 
-GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3)
-CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of the reference square
 BEYOND = 1.5  # farthest reference coordinate of a point beside a facet that still hangs on it
 
 
@@ -64,7 +61,7 @@ def shares(points: Array, quads: Index, start: float, end: float) -> tuple[Index
         cuts = cuts / np.where(length == 0, 1.0, length)  # a facet across x has no stretch of it
         half, middle = np.abs(cuts[1] - cuts[0]), cuts.sum(axis=0) - 1  # of xi from -1 to 1
         for a in middle + half * GAUSS[:, None]:
-            N, da, db = _bilinear(a, np.full_like(a, b))
+            N, da, db = bilinear(a, np.full_like(a, b))
             t, s = np.einsum("qi,qid->qd", da, x), np.einsum("qi,qid->qd", db, x)
             area = half * np.linalg.norm(np.cross(t, s), axis=1)
             np.add.at(nodal, quads, area[:, None] * N)
@@ -98,10 +95,10 @@ def below(points: Array, quads: Index, at: Array) -> tuple[Index, Array]:
     corners = points[quads][None, :, :, :2]
     place = np.zeros((len(at), len(quads), 2))
     for _ in range(12):  # Newton; one step on a parallelogram
-        N, da, db = _bilinear(place[..., 0], place[..., 1])
+        N, da, db = bilinear(place[..., 0], place[..., 1])
         off = at[:, None, :2] - np.einsum("kqi,kqid->kqd", N, corners)
-        (a, c), (b, d) = (np.moveaxis(np.einsum("kqi,kqid->kqd", g, corners), -1, 0)
-                          for g in (da, db))  # fmt: skip
+        slopes = (np.einsum("kqi,kqid->kqd", g, corners) for g in (da, db))
+        (a, c), (b, d) = (np.moveaxis(slope, -1, 0) for slope in slopes)
         place[..., 0] += (d * off[..., 0] - b * off[..., 1]) / (a * d - b * c)
         place[..., 1] += (a * off[..., 1] - c * off[..., 0]) / (a * d - b * c)
         place = np.clip(place, -10, 10)
@@ -111,11 +108,5 @@ def below(points: Array, quads: Index, at: Array) -> tuple[Index, Array]:
     if len(at) and reach[k, facet].max() > BEYOND:
         x, y, z = at[np.argmax(reach[k, facet])]
         raise ValueError(f"point x = {x:.4f}, y = {y:.4f}, z = {z:.4f} m: not over the surface")
-    N, _, _ = _bilinear(place[k, facet, 0], place[k, facet, 1])
+    N, _, _ = bilinear(place[k, facet, 0], place[k, facet, 1])
     return quads[facet], N
-
-
-def _bilinear(xi: Array, eta: Array) -> tuple[Array, Array, Array]:
-    """Return shape functions and their two derivatives, shape ``(..., 4)``."""
-    a, b = 1 + xi[..., None] * CORNERS[:, 0], 1 + eta[..., None] * CORNERS[:, 1]
-    return a * b / 4, CORNERS[:, 0] * b / 4, CORNERS[:, 1] * a / 4

@@ -14,72 +14,18 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-import ufl
-from dolfinx import fem, la
 
-from forms.kernel import CellKernel
-from forms.time_step import cell_frequency, stable_step
+from forms.time_step import cell_frequency
 from workflow.model.model import Model, build
+from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
-from workflow.simulation.guards import place
-from workflow.simulation.stepping import central_difference
+from workflow.simulation.stepping import steps
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from workflow.audit.limits import Limits
 
 PRODUCTS = 40
 TIMED = 20  # steps
-
-
-def audit(model: Model) -> Iterator[str]:
-    """Yield lines for the log of a run; collective."""
-    scene, bodies = model.scene, model.scene.bodies.values()
-    omega, where = stiffest(model)
-    yield (
-        f"audit: step {model.dt * 1e9:.1f} ns of at most {model.dt_bound * 1e9:.1f} ns "
-        f"({scene.time.bound} bound); the stiffest motion, 2/ω = {2 / omega * 1e9:.1f} ns, is in "
-        f"{where}"
-    )
-    if scene.contacts and scene.time.bound == "assembled":
-        p = sum(contact.penalty for contact in scene.contacts.values())
-        left = np.sqrt(max(1 - p / 4, 0.0))
-        yield f"audit: contact penalties, {p:.2g} of 4, shorten the step to {left:.1%}"
-    beta, alpha = (
-        max(getattr(b, k) for b in bodies) for k in ("stiffness_damping", "mass_damping")
-    )
-    if alpha or beta:
-        share = stable_step(omega, beta, alpha) * omega / 2
-        yield (
-            f"audit: damping shortens the step to {share:.1%} (stiffness {beta:.2g} s, mass "
-            f"{alpha:.2g} 1/s)"
-        )
-
-
-def stiffest(model: Model) -> tuple[float, str]:
-    """Return frequency [rad/s] and place, in words, of the stiffest motion of the bodies alone."""
-    V, n = model.domain.V, 3 * model.domain.owned
-    comm: MPI.Comm = model.domain.msh.comm
-    u, q, w = fem.Function(V), fem.Function(V), ufl.TestFunction(V)
-    kernel = CellKernel(ufl.derivative(model.bodies.internal_work(u, w), u, q))
-    scale, out = 1 / np.sqrt(model.mass.array[:n]), la.vector(V.dofmap.index_map, 3)
-    x = np.random.default_rng(1).standard_normal((len(model.domain.source.points), 3))
-    x = x[model.domain.nodes[: model.domain.owned]].ravel()
-    value = 0.0
-    for _ in range(PRODUCTS):
-        x /= np.sqrt(comm.allreduce(float(x @ x)))
-        q.x.array[:n] = scale * x
-        q.x.scatter_forward()
-        out.array[:] = 0.0
-        kernel.add(out)
-        out.scatter_reverse(la.InsertMode.add)
-        y = scale * out.array[:n]
-        value, x = comm.allreduce(float(x @ y)), y
-    size = (x.reshape(-1, 3) ** 2).sum(axis=1)
-    top = int(np.argmax(size)) if len(size) else -1
-    found = comm.allgather((float(size[top]), place(model, top)) if len(size) else (-1.0, ""))
-    return float(np.sqrt(value)), max(found)[1]
 
 
 def report(
@@ -109,7 +55,7 @@ def report(
     start(model, log)
     log("limits of step, penalty and damping")
     limits = Limits(model)
-    omega, where = stiffest(model)
+    omega, where = stiffest(model.bodies, model.mass.array)
     bodies = model.bodies
     found: dict[str, Any] = {
         "scene": scene.name, "cells": len(model.domain.source.cells), "ranks": comm.size,
@@ -166,35 +112,18 @@ def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
 def cost(model: Model, spent: float) -> dict[str, Any]:
     """Return steps, wall time and memory of the run, from some timed steps; moves the model."""
     comm, scene = model.domain.msh.comm, model.scene
-    loop = central_difference(
-        model.state, model.mass.petsc_vec, model.loads, model.drives or model.supports, model.dt,
-        TIMED * model.dt, model.connections.masses if model.connections is not None else None,
-        model.dead.nodal, last=model.last,
-    )  # fmt: skip
+    loop = steps(model, TIMED * model.dt)
     times = [time.perf_counter() for _ in loop]  # the median: some steps search, others wait
     step = comm.allreduce(float(np.median(np.diff(times))), op=MPI.MAX)
-    steps = round(scene.time.end / model.dt)
+    count = round(scene.time.end / model.dt)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # kB on Linux
     return {
-        "steps": steps, "seconds_per_step": step, "seconds_stepping": steps * step,
+        "steps": count, "seconds_per_step": step, "seconds_stepping": count * step,
         "seconds_before": spent, "memory": comm.allreduce(int(peak)),
     }  # fmt: skip
 
 
-def in_numbers(found: Any) -> Any:
-    """Return a report as JSON has it: what is infinite or not a number is null."""
-    if isinstance(found, dict):
-        return {key: in_numbers(value) for key, value in found.items()}
-    return None if isinstance(found, float) and not np.isfinite(found) else found
-
-
-def show(found: dict[str, Any], console: "Console") -> None:
-    """Print a report."""
-    for line in in_words(found):
-        console.print(line, highlight=False, soft_wrap=True)
-
-
-def in_words(found: dict[str, Any]) -> Iterator[str]:
+def printout(found: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of a report."""
     b, a, c = found["bound"], found["asked"], found["critical"]
     yield (

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The quality of a mesh as a figure: its cells by step and shape, and where the stiffest are."""
+"""Mesh quality as a file and a figure: cells by step and shape, and where the stiffest are."""
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from workflow.audit.mesh import MeshReport
+from meshes.arrays import Array
+from workflow.audit.mesh import MeshReport, summary
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import EDGE, Frame, volume
+from workflow.scene import SceneError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +21,17 @@ if TYPE_CHECKING:
 STIFF = style.TWO_POINT
 NEAR = 6.0  # half width of the close-up, in edges of the stiffest cell's longest
 LIMIT = 1.1  # cells within this factor of the smallest step are marked
+
+
+def write(found: MeshReport, folder: Path) -> list[Path]:
+    """Write ``mesh.json`` and ``mesh.png`` into a folder and return their paths."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "mesh.json").write_text(json.dumps(summary(found), indent=1), "utf-8")
+    except OSError as error:
+        raise SceneError(f"--out {folder}: expected a folder to write to: {error}") from None
+    with style.style():
+        return [folder / "mesh.json", style.save(mesh_quality(found), folder / "mesh.png")]
 
 
 def mesh_quality(found: MeshReport) -> "Figure":

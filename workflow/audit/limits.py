@@ -24,12 +24,12 @@ from contact.springs import Springs, springs
 from forms.kernel import CellKernel
 from forms.springs.step_bound import NONE, as_springs, attached, joined
 from forms.time_step import largest_eigenvalue
-from workflow.model.bodies import Bodies, step_bound
+from meshes.arrays import Array
+from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.model import Model
+from workflow.model.step import step_bound
 from workflow.scene.settings import Contact
-
-Array = npt.NDArray[np.float64]
 
 # of the frequency, upwards: what is asked is overstated by at most twice as much
 TOLERANCE, ROUGH, LARGE = 2e-3, 5e-3, 100_000  # rough from so many dofs on
@@ -116,9 +116,7 @@ class Limits:
         springs, dampers = self._attached
         lagged = as_springs(springs, dampers, dt)
         matrix = self._contact(dt, penalty, damping) if contact else None
-        mass_damping = 0.0
-        if self.model.damping is not None:
-            mass_damping = max(b.mass_damping for b in self.model.scene.bodies.values())
+        mass_damping = max(b.mass_damping for b in self.model.scene.bodies.values())
 
         def apply(q: Array) -> Array:
             return self._apply(q, dt, lagged.nodal, matrix) + 2 / dt * mass_damping * q

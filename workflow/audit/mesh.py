@@ -1,32 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a mesh is worth to an explicit run: sizes, shapes, masses, and which cells set the step."""
 
-import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
-from meshes.generate.refine import edges_of
-from meshes.hexmesh import HexMesh
-from meshes.quality import enclosed_volume, scaled_jacobians, volumes
-from workflow.model.bodies import Bodies, step_bound
+from meshes.arrays import Array
+from meshes.hexmesh import HexMesh, boundary
+from meshes.quads import enclosed_volume
+from meshes.quality import cell_volumes, edge_lengths, scaled_jacobians
+from workflow.model.bodies import Bodies
 from workflow.model.geometry import domain_of
+from workflow.model.step import step_bound
 from workflow.model.track import connections
-from workflow.scene.scene import Scene, SceneError
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-Array = npt.NDArray[np.float64]
+from workflow.results.table import Column, Table
+from workflow.scene.scene import Scene
 
 STIFFEST = 8  # cells that are listed
 EDGES = np.array(
@@ -64,8 +59,7 @@ class MeshReport:
     @property
     def edges(self) -> Array:
         """Lengths of all edges, shape ``(e,)`` [m]."""
-        ends = self.mesh.points[edges_of(self.mesh.cells)[0]]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        return edge_lengths(self.mesh.points, self.mesh.cells)
 
     @property
     def stiffest(self) -> npt.NDArray[np.int64]:
@@ -92,9 +86,8 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
     frequencies = np.empty(len(mesh.cells))
     own = cell_frequencies(domain.V, bodies.internal_work, bodies.mass)
     frequencies[domain.msh.topology.original_cell_index[: len(own)]] = own
-    densities = {bodies.tags(b): b.material.density for b in scene.bodies.values()}
-    mass = lumped_mass(domain.V, bodies.dx, densities)
-    volume = volumes(mesh)
+    mass = bodies.lumped_mass()
+    volume = cell_volumes(mesh.points, mesh.cells)
     counted = {}
     for name, body in scene.bodies.items():
         mine = np.isin(mesh.regions, bodies.tags(body))
@@ -104,10 +97,10 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
         mesh=mesh,
         steps=2 / frequencies,
         assembled=step_bound(bodies, mass, connections(scene, domain), log),
-        jacobians=scaled_jacobians(mesh),
+        jacobians=scaled_jacobians(mesh.points, mesh.cells),
         bodies=counted,
         volume=float(volume.sum()),
-        enclosed=enclosed_volume(mesh),
+        enclosed=enclosed_volume(mesh.points, boundary(mesh.cells)),
         seconds=seconds,
         told=told,
     )
@@ -121,10 +114,7 @@ def summary(found: MeshReport) -> dict[str, Any]:
         "cells": len(found.mesh.cells),
         "nodes": len(found.mesh.points),
         "bodies": {n: {"cells": c, "mass": m} for n, (c, m) in found.bodies.items()},
-        "regions": {
-            found.mesh.name(int(tag)): int(count)
-            for tag, count in zip(*np.unique(found.mesh.regions, return_counts=True), strict=True)
-        },
+        "regions": found.mesh.counts(found.mesh.regions),
         "edges": {"shortest": float(edges.min()), "longest": float(edges.max())},
         "scaled_jacobian": {
             "smallest": float(shapes.min()),
@@ -157,70 +147,52 @@ def _cell(found: MeshReport, cell: int) -> dict[str, Any]:
     }
 
 
-def write(found: MeshReport, folder: Path) -> list[Path]:
-    """Write ``mesh.json`` and ``mesh.png`` into a folder and return their paths."""
-    from workflow.audit.figures import mesh_quality
-    from workflow.figures import style
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "mesh.json").write_text(json.dumps(summary(found), indent=1), "utf-8")
-    except OSError as error:
-        raise SceneError(f"--out {folder}: expected a folder to write to: {error}") from None
-    with style.style():
-        return [folder / "mesh.json", style.save(mesh_quality(found), folder / "mesh.png")]
-
-
-def show(found: MeshReport, console: "Console") -> None:
-    """Print the report: bodies, sizes and shapes, and the cells that set the step."""
-    from rich.table import Table
-
+def printout(found: MeshReport) -> Iterator[str | Table]:
+    """Yield what a terminal shows: bodies, sizes and shapes, and the cells that set the step."""
     s = summary(found)
-    for line in found.told:
-        console.print(line, highlight=False)
-    parts = Table("body", "cells", "mass [kg]")
-    for name, body in s["bodies"].items():
-        parts.add_row(name, str(body["cells"]), f"{body['mass']:.4g}")
-    console.print(parts)
-    _print_histograms(found, console)
+    yield from found.told
+    yield Table("", BODIES, [{"name": n} | body for n, body in s["bodies"].items()])
+    yield _histograms(found)
     step, shape = s["step"], s["scaled_jacobian"]["share_below"]
-    console.print(
+    yield (
         f"scaled Jacobian from {s['scaled_jacobian']['smallest']:.2f}; below 0.35: "
         f"{shape['0.35']:.2%}, below 0.5: {shape['0.5']:.2%} of the cells\n"
         f"volume {s['volume']:.6e} m³, within the surface {s['volume_within_surface']:.6e} m³\n"
         f"step of the stiffest cell {step['cell'] * 1e9:.1f} ns; stable step "
         f"{step['bound'] * 1e9:.1f} ns, of which the run takes {found.scene.time.safety:.2g}; "
         f"{step['cells_within_10_percent']} cells are within 10 % of the stiffest\n"
-        f"made in {s['seconds']:.1f} s",
-        highlight=False,
+        f"made in {s['seconds']:.1f} s"
     )
-    worst = Table("cell", "region", "x, y, z [m]", "step [ns]", "edges [mm]", "scaled Jacobian")
-    for c in s["stiffest_cells"]:
-        worst.add_row(
-            str(c["cell"]),
-            c["region"],
-            ", ".join(f"{x:.4f}" for x in c["centre"]),
-            f"{c['step'] * 1e9:.1f}",
-            " to ".join(f"{e * 1e3:.2f}" for e in c["edges"]),
-            f"{c['scaled_jacobian']:.2f}",
-        )
-    console.print(worst)
+    yield Table("", CELLS, s["stiffest_cells"])
 
 
-def _print_histograms(found: MeshReport, console: "Console", bins: int = 10) -> None:
-    """Print how many edges and cells there are of each size and of each step."""
-    from rich.table import Table
+BODIES = (
+    Column("body", "name", words=True),
+    Column("cells", "cells"),
+    Column("mass", "mass", ".4g", "kg"),
+)
+CELLS = (
+    Column("cell", "cell"),
+    Column("region", "region", words=True),
+    Column("x, y, z", lambda c: ", ".join(f"{x:.4f}" for x in c["centre"]), unit="m"),
+    Column("step", "step", ".1f", "ns", 1e9),
+    Column("edges", lambda c: " to ".join(f"{e * 1e3:.2f}" for e in c["edges"]), unit="mm"),
+    Column("scaled Jacobian", "scaled_jacobian", ".2f"),
+)
 
-    table = Table("edges [mm]", "edges", "step of a cell [ns]", "cells")
+
+def _histograms(found: MeshReport, bins: int = 10) -> Table:
+    """Return how many edges and cells there are of each size and of each step."""
     (edges, at), (cells, step) = (
         np.histogram(values, np.geomspace(values.min(), values.max() * (1 + 1e-9), bins + 1))
         for values in (found.edges, found.steps)
     )
-    for i in range(bins):
-        table.add_row(
-            f"{at[i] * 1e3:.3g} to {at[i + 1] * 1e3:.3g}",
-            str(edges[i]),
-            f"{step[i] * 1e9:.4g} to {step[i + 1] * 1e9:.4g}",
-            str(cells[i]),
-        )
-    console.print(table)
+    columns = (
+        Column("edges", lambda i: f"{at[i] * 1e3:.3g} to {at[i + 1] * 1e3:.3g}", unit="mm"),
+        Column("edges", lambda i: int(edges[i])),
+        Column(
+            "step of a cell", lambda i: f"{step[i] * 1e9:.4g} to {step[i + 1] * 1e9:.4g}", unit="ns"
+        ),
+        Column("cells", lambda i: int(cells[i])),
+    )
+    return Table("", columns, range(bins))

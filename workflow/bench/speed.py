@@ -5,14 +5,12 @@ import json
 import os
 import platform
 import shlex
-import shutil
 import subprocess
-import sys
 import sysconfig
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,11 +22,10 @@ from dolfinx import jit
 
 from forms import kernel
 from forms.simd import native
-from workflow.bench import roofline as roofline
+from workflow.bench import roofline
 from workflow.bench import speed_cases as cases
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from workflow.results.table import Column, Table
+from workflow.simulation.ranks import mpi_command
 
 TIMEOUT = 300  # for one run on ranks [s]
 PER_RUN = 3  # rounds of steps in each of these runs
@@ -105,32 +102,21 @@ def ranks(n: int, count: int) -> dict[str, Any] | None:
         n: Cells along each edge of the block.
         count: Runs of each, in turn.
     """
-    beside = Path(sys.executable).with_name("mpiexec")
-    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if launcher is None:
-        return None
     rates: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(count):
-        for number in rates:
-            command = [
-                launcher,
-                "-n",
-                str(number),
-                sys.executable,
-                "-m",
-                "workflow.bench.speed_cases",
-            ]
-            try:
+    module = ["-m", "workflow.bench.speed_cases", str(n), str(PER_RUN)]
+    try:
+        for _ in range(count):
+            for number, found in rates.items():
                 done = subprocess.run(
-                    [*command, str(n), str(PER_RUN)],
+                    mpi_command(number, module),
                     check=True,
                     capture_output=True,
                     text=True,
                     timeout=TIMEOUT,
                 )
-            except (subprocess.SubprocessError, OSError):
-                return None
-            rates[number].append(json.loads(done.stdout.splitlines()[-1])["rate"])
+                found.append(json.loads(done.stdout.splitlines()[-1])["rate"])
+    except (subprocess.SubprocessError, OSError):
+        return None
     one, two = np.array(rates[1]), np.array(rates[2])
     return {
         "cells": n**3,
@@ -140,93 +126,70 @@ def ranks(n: int, count: int) -> dict[str, Any] | None:
     }
 
 
-def show(found: dict[str, Any], console: "Console") -> None:
-    """Print the tables of a bench."""
+def printout(found: dict[str, Any]) -> Iterator[str | Table]:
+    """Yield the lines and tables of a bench."""
     h = found["host"]
-    console.print(
+    yield (
         f"{h['cores']} cores, {h['vector_bits']}-bit vectors, {h['compiler']}; load before "
-        f"{h['load_before']:.1f}; one core unless stated; M/s are million element updates a second",
-        highlight=False,
+        f"{h['load_before']:.1f}; one core unless stated; M/s are million element updates a second"
     )
-    _kernel_table(found, console)
-    _step_table(found, console)
-    _contact_table(found, console)
-
-
-def _kernel_table(found: dict[str, Any], console: "Console") -> None:
     core = found["roofline"]["core"]
-    console.print(
+    yield (
         f"peak {core['peak_float64'] / 1e9:.0f} Gflop/s (float32: {core['peak_float32'] / 1e9:.0f})"
         f", memory {core['bandwidth'] / 1e9:.0f} GB/s; flop and byte are per cell and "
         "estimated, f/B is flop per byte, roof is the share of what these allow: see roofline.how "
-        "in bench.json",
-        highlight=False,
+        "in bench.json"
     )
-    console.print(
+    yield (
         "own: times the rate of assemble_vector, default flags, of the same form; full SVK: times "
         f"that of {cases.REFERENCE} quadrature, which a one-point form replaces; MatMult is with "
         "the stiffness of full quadrature; hourglass stiffness: from the elastic moduli, no "
-        "parameter",
-        highlight=False,
+        "parameter"
     )
-    heads = ("M/s", "own", "full SVK", "error", "flop", "byte", "f/B", "roof")
     for title, engines in found["kernels"]["forms"].items():
-        table = _table(f"{title}, {found['kernels']['cells']} cells", heads, first="engine")
-        for name, row in engines.items():
-            load = found["roofline"]["forms"][title][name]
-            table.add_row(
-                name,
-                f"{row['rate'] / 1e6:.1f}",
-                f"{row['ratio']:.1f}",
-                f"{row['ratio_reference']:.1f}",
-                f"{row['difference']:.0e}" if "difference" in row else "",
-                f"{load['operations']:.0f}",
-                f"{load['bytes']:.0f}",
-                f"{load['intensity']:.1f}",
-                f"{load['share']:.0%}",
-            )
-        console.print(table)
+        loads = found["roofline"]["forms"][title]
+        rows = [{"engine": name} | row | loads[name] for name, row in engines.items()]
+        yield Table(f"{title}, {found['kernels']['cells']} cells", KERNEL, rows)
+    yield Table("whole step, St. Venant-Kirchhoff", STEP, found["steps"])
+    yield from _overhead(found["overhead"], found["ranks"])
+    title = "contact with friction, searches counted in"
+    yield Table(title, CONTACT, found["contact"]["sizes"])
 
 
-def _table(title: str, heads: tuple[str, ...], first: str = "") -> Any:
-    """Return an empty table; ``first`` is the heading of a column of text."""
-    from rich import box
-    from rich.table import Table
+KERNEL = (
+    Column("engine", "engine", words=True),
+    Column("M/s", "rate", ".1f", factor=1e-6),
+    Column("own", "ratio", ".1f"),
+    Column("full SVK", "ratio_reference", ".1f"),
+    Column("error", "difference", ".0e"),
+    Column("flop", "operations", ".0f"),
+    Column("byte", "bytes", ".0f"),
+    Column("f/B", "intensity", ".1f"),
+    Column("roof", "share", ".0%"),
+)
+STEP = (
+    Column("cells", "cells"),
+    Column("M/s", "rate", ".2f", factor=1e-6),
+    Column("its kernel alone M/s", "kernel_rate", ".2f", factor=1e-6),
+    Column("share of the kernel's rate", "share", ".0%"),
+)
+CONTACT = (
+    Column("nodes in reach", "nodes"),
+    Column("µs per step", "seconds", ".3g", factor=1e6),
+    Column("none in reach µs", "fixed", ".3g", factor=1e6),
+    Column("µs per node and step", "per_node", ".3g", factor=1e6),
+)
 
-    table = Table(
-        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True
-    )
-    if first:
-        table.add_column(first, no_wrap=True)
-    for head in heads:
-        table.add_column(head, justify="right")
-    return table
 
-
-def _step_table(found: dict[str, Any], console: "Console") -> None:
-    heads = ("cells", "M/s", "its kernel alone M/s", "share of the kernel's rate")
-    table = _table("whole step, St. Venant-Kirchhoff", heads)
-    for row in found["steps"]:
-        rate, alone = row["rate"] / 1e6, row["kernel_rate"] / 1e6
-        table.add_row(str(row["cells"]), f"{rate:.2f}", f"{alone:.2f}", f"{row['share']:.0%}")
-    console.print(table)
-    over, both = found["overhead"], found["ranks"]
-    console.print(
+def _overhead(over: dict[str, Any], ranks: dict[str, Any] | None) -> Iterator[str]:
+    """Yield lines of a small step and of steps on ranks."""
+    yield (
         f"step of {over['cells']} cells: {over['step'] * 1e6:.1f} µs, of which "
         f"{over['kernel'] * 1e6:.1f} in the kernel's call; {over['fixed'] * 1e6:.1f} µs more than "
-        "its cells take at the kernel's rate",
-        highlight=False,
+        "its cells take at the kernel's rate"
     )
     text = "could not be started"
-    if both is not None:
-        text = f"{both['one'] / 1e6:.2f} and {both['two'] / 1e6:.2f} M/s, ratio {both['ratio']:.2f}"
-    console.print(f"1 and 2 ranks: {text}", highlight=False)
-
-
-def _contact_table(found: dict[str, Any], console: "Console") -> None:
-    heads = ("nodes in reach", "µs per step", "none in reach µs", "µs per node and step")
-    table = _table("contact with friction, searches counted in", heads)
-    for row in found["contact"]["sizes"]:
-        times = (row["seconds"], row["fixed"], row["per_node"])
-        table.add_row(str(row["nodes"]), *(f"{1e6 * t:.3g}" for t in times))
-    console.print(table)
+    if ranks is not None:
+        one, two = ranks["one"] / 1e6, ranks["two"] / 1e6
+        text = f"{one:.2f} and {two:.2f} M/s, ratio {ranks['ratio']:.2f}"
+    yield f"1 and 2 ranks: {text}"

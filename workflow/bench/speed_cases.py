@@ -17,7 +17,6 @@ from petsc4py import PETSc
 
 import dolfinx
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
@@ -29,13 +28,14 @@ from forms.elements import LAWS, internal_work
 from forms.kernel import CellKernel
 from forms.mass import lumped_mass
 from forms.simd.native import NativeKernel
+from meshes.arrays import Array
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import join
 from meshes.shapes import blocks
 from meshes.tags import Tag
-from workflow.simulation.stepping import State, central_difference, no_hold
+from workflow.model.state import State
+from workflow.simulation.stepping import central_difference, no_hold
 
-Array = npt.NDArray[np.float64]
 Call = Callable[[], Any]
 
 REFERENCE = "St. Venant-Kirchhoff, full"  # what one-point forms replace

@@ -2,11 +2,11 @@
 """The ``squealx`` command."""
 
 import contextlib
-import json
+import math
 import os
 from importlib.metadata import version as package_version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,15 +19,16 @@ from workflow.cli.options import (
     Changes,
     Json,
     abort,
+    answer,
+    catalogue,
     examples,
     fail,
-    in_mpi,
     load,
     on_ranks,
-    print_summary,
     scene_of,
 )
 from workflow.scene.scene import Scene, SceneError, names
+from workflow.simulation.ranks import in_mpi
 
 app = typer.Typer(
     help="Explicit finite elements for wheel-rail rolling contact. A scene (TOML, SI units) goes "
@@ -49,16 +50,8 @@ app = typer.Typer(
 def scenes(as_json: Json = False) -> None:
     """List the built-in scenes with their size and usual run time."""
     listed = {name: Scene.load(name) for name in names()}
-    if as_json:
-        print(json.dumps({n: {"title": s.title, "about": s.about} for n, s in listed.items()}))
-        return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("scene", "what it shows", "size and time on two cores")
-    for name, scene in listed.items():
-        table.add_row(name, scene.title, scene.about)
-    Console().print(table)
+    found = {n: {"title": s.title, "about": s.about} for n, s in listed.items()}
+    answer(as_json, found, lambda: [catalogue("scene", "what it shows", found)])
 
 
 @app.command(
@@ -93,7 +86,7 @@ def run(
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
-        from workflow.results.writer import check_free
+        from workflow.results.folder import check_free
 
         check_free(folder, resume)
         verb = ("run", "--resume") if resume else ("run",)
@@ -104,7 +97,31 @@ def run(
 
     result = run_scene(checked, folder, resume=resume)
     if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(result.summary)) if as_json else print_summary(result.summary, folder)
+        answer(as_json, result.summary, lambda: [summary_table(result.summary, folder)])
+
+
+def summary_table(summary: dict[str, Any], folder: Path) -> Any:
+    """Return the summary of a run as table."""
+    from workflow.results.table import PAIRS, Table
+
+    rate, phases = summary["element_updates_per_second"], summary["seconds_per_phase"].items()
+    rows = [
+        ("cells, nodes", f"{summary['cells']}, {summary['nodes']}"),
+        ("steps, step", f"{summary['steps']}, {summary['dt'] * 1e9:.1f} ns"),
+        ("wall time, ranks", f"{summary['wall_seconds']:.1f} s, {summary['ranks']}"),
+        ("element updates", f"{rate / 1e6:.2f} M/s"),
+        ("seconds per phase", "\n".join(f"{k} {v:.1f}" for k, v in phases)),
+    ]
+    for key, value in (summary["energy"] or {}).items():
+        size = f"{value:.3%}" if "error" in key else f"{value:.4g} J"
+        rows.append((key.replace("_", " "), size))
+    for name, contact in summary["contacts"].items():
+        text = f"{contact['normal_force'] / 1e3:.2f} kN in {contact['patches']} patches"
+        angles = [f"{math.degrees(angle):.0f}°" for angle in contact["contact_angles"]]
+        text += f" at {', '.join(angles)}" if angles else ""
+        depth = f"{contact['max_penetration'] * 1e6:.1f} µm deep"
+        rows.append((f"contact {name}", f"{text}, {depth}"))
+    return Table(f"{summary['scene']} → {folder}", PAIRS, rows)
 
 
 @app.command(epilog=examples("squealx version --json"))
@@ -112,7 +129,7 @@ def version(as_json: Json = False) -> None:
     """Print the version of squealx and of what it stands on."""
     found = {p: _version(p) for p in ("squealx", "fenics-dolfinx", "dolfinx-solver-real", "numpy")}
     found = {k: v for k, v in found.items() if v}
-    print(json.dumps(found) if as_json else "\n".join(f"{k} {v}" for k, v in found.items()))
+    answer(as_json, found, lambda: (f"{k} {v}" for k, v in found.items()))
 
 
 def _version(package: str) -> str:

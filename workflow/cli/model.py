@@ -1,14 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Verbs of a scene before its run: validate, audit, export, mesh, modes."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from workflow.cli.options import Changes, Json, SceneName, examples, in_mpi, load, on_ranks
+from workflow.cli.options import (
+    Changes,
+    Json,
+    SceneName,
+    answer,
+    examples,
+    load,
+    on_ranks,
+    progress,
+)
 from workflow.scene.scene import Scene
+from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
 
@@ -25,10 +34,8 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
     from workflow.model.geometry import check_profiles
 
     check_profiles(checked)
-    if as_json:
-        print(json.dumps({"scene": checked.name, "valid": True}))
-    else:
-        print(f"{checked.name}: valid")
+    found = {"scene": checked.name, "valid": True}
+    answer(as_json, found, lambda: [f"{checked.name}: valid"])
 
 
 @verbs.command(
@@ -42,15 +49,12 @@ def audit(scene: SceneName, changes: Changes = None, as_json: Json = False) -> N
     checked = load(scene, changes)
     from mpi4py import MPI
 
-    from rich.console import Console
-
-    from workflow.audit.audit import in_numbers, report, show
+    from workflow.audit.audit import printout, report
 
     root = MPI.COMM_WORLD.rank == 0
-    progress = Console(stderr=True, quiet=not root)
-    found = report(checked, log=lambda line: progress.print(line, highlight=False))
+    found = report(checked, log=progress(quiet=not root))
     if root:
-        print(json.dumps(in_numbers(found))) if as_json else show(found, Console())
+        answer(as_json, found, lambda: printout(found))
 
 
 @verbs.command(
@@ -71,8 +75,8 @@ def export(
     checked = load(scene, changes)
     from workflow.model import geometry
 
-    told = geometry.export(checked, file)
-    print(json.dumps(told) if as_json else geometry.in_words(told))
+    written = geometry.export(checked, file)
+    answer(as_json, written, lambda: [geometry.in_words(written)])
 
 
 @verbs.command(
@@ -91,19 +95,13 @@ def mesh(
 ) -> None:
     """Make the mesh of a scene and show its sizes, its shapes and which cells set the step."""
     checked = load(scene, changes)
-    from rich.console import Console
-
+    from workflow.audit import figures
     from workflow.audit import mesh as quality
 
-    progress = Console(stderr=True)
-    found = quality.report(checked, lambda line: progress.print(line, highlight=False))
+    found = quality.report(checked, progress())
     folder = out or Path("runs") / f"mesh-{checked.name}"
-    paths = quality.write(found, folder)
-    if as_json:
-        print(json.dumps(quality.summary(found)))
-    else:
-        quality.show(found, Console())
-        print("\n".join(map(str, paths)))
+    paths = figures.write(found, folder)
+    answer(as_json, quality.summary(found), lambda: [*quality.printout(found), *map(str, paths)])
 
 
 @verbs.command(
@@ -140,7 +138,7 @@ def modes(
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-modes"
     if ranks > 1 and not in_mpi():
-        from workflow.results.writer import check_free
+        from workflow.results.folder import check_free
 
         check_free(folder)
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
@@ -153,14 +151,11 @@ def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None
     """Find modes on these ranks, draw and print them; ``wanted`` as ``workflow.modes.modes``."""
     from mpi4py import MPI
 
-    from rich.console import Console
-
     from workflow.modes.figures import draw
-    from workflow.modes.modes import modes, show
+    from workflow.modes.modes import modes, printout
 
     root = MPI.COMM_WORLD.rank == 0
-    progress = Console(stderr=True, quiet=not root)
-    found = modes(scene, folder, log=lambda line: progress.print(line, highlight=False), **wanted)
+    found = modes(scene, folder, log=progress(quiet=not root), **wanted)
     if root:
         draw(found, folder)
-        print(json.dumps(found.summary)) if as_json else show(found.summary, Console())
+        answer(as_json, found.summary, lambda: printout(found.summary))

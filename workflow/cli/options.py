@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What the verbs of the command line share: options, scenes with changes, ranks, ways to end."""
 
-import math
+import json
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.units import takes_text
+from workflow.simulation.ranks import mpi_command
+
+if TYPE_CHECKING:
+    from workflow.results.table import Table
 
 EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a guard or a full disk, results kept."
 
@@ -76,11 +80,6 @@ def scene_of(out: Path | None, resume: bool) -> str:
     return str(out / "scene.toml")
 
 
-def in_mpi() -> bool:
-    """Tell whether this process was started by mpiexec or srun."""
-    return any(k in os.environ for k in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
-
-
 def on_ranks(
     ranks: int,
     scene: str,
@@ -90,47 +89,49 @@ def on_ranks(
     verb: tuple[str, ...] = ("run",),
 ) -> int:
     """Start this very command under ``mpiexec`` and return its exit code."""
-    beside = Path(sys.executable).with_name("mpiexec")
-    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if launcher is None:
-        raise SceneError(f"--ranks {ranks}: expected mpiexec beside python or on PATH")
-    command = [
-        launcher,
-        "-n",
-        str(ranks),
-        sys.executable,
-        "-m",
-        "workflow.cli",
-        *verb,
-        scene,
-    ]
+    try:
+        command = mpi_command(ranks, ["-m", "workflow.cli", *verb, scene])
+    except FileNotFoundError as error:
+        raise SceneError(f"--ranks {ranks}: {error}") from None
     for change in changes or []:
         command += ["--set", change]
     command += ["--out", str(folder)] + ["--json"] * as_json
     return subprocess.run(command, check=False).returncode
 
 
-def print_summary(summary: dict[str, Any], folder: Path) -> None:
-    """Print the summary table of a run."""
-    from rich.console import Console
-    from rich.table import Table
+def answer(as_json: bool, found: Any, parts: Callable[[], "Iterable[str | Table]"]) -> None:
+    """Print a result on stdout: as one JSON object, or as lines and tables.
 
-    table = Table(title=f"{summary['scene']} → {folder}", show_header=False)
-    table.add_row("cells, nodes", f"{summary['cells']}, {summary['nodes']}")
-    table.add_row("steps, step", f"{summary['steps']}, {summary['dt'] * 1e9:.1f} ns")
-    table.add_row("wall time, ranks", f"{summary['wall_seconds']:.1f} s, {summary['ranks']}")
-    rate = summary["element_updates_per_second"]
-    table.add_row("element updates", f"{rate / 1e6:.2f} M/s")
-    phases = summary["seconds_per_phase"].items()
-    table.add_row("seconds per phase", "\n".join(f"{k} {v:.1f}" for k, v in phases))
-    for key, value in (summary["energy"] or {}).items():
-        table.add_row(key.replace("_", " "), f"{value:.3%}" if "error" in key else f"{value:.4g} J")
-    for name, contact in summary["contacts"].items():
-        text = f"{contact['normal_force'] / 1e3:.2f} kN in {contact['patches']} patches"
-        angles = [f"{math.degrees(angle):.0f}°" for angle in contact["contact_angles"]]
-        text += f" at {', '.join(angles)}" if angles else ""
-        table.add_row(f"contact {name}", f"{text}, {contact['max_penetration'] * 1e6:.1f} µm deep")
-    Console().print(table)
+    Args:
+        as_json: Which of the two.
+        found: What JSON has.
+        parts: Called for the lines and tables.
+    """
+    from workflow.results import table
+
+    if as_json:
+        print(json.dumps(table.strict(found)))
+        return
+    from rich.console import Console
+
+    table.show(parts(), Console())
+
+
+def catalogue(kind: str, about: str, found: dict[str, dict[str, str]]) -> "Table":
+    """Return the table of built-in scenes or studies: name, title, size and time."""
+    from workflow.results.table import Column, Table
+
+    heads = (kind, about, "size and time on two cores")
+    columns = [Column(head, k, words=True) for k, head in enumerate(heads)]
+    return Table("", columns, [(n, row["title"], row["about"]) for n, row in found.items()])
+
+
+def progress(quiet: bool = False) -> Callable[[str], None]:
+    """Return what prints a line of progress on stderr."""
+    from rich.console import Console
+
+    console = Console(stderr=True, quiet=quiet)
+    return lambda line: console.print(line, highlight=False, soft_wrap=True)
 
 
 def abort() -> None:

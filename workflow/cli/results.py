@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Verbs that draw, tell or measure: figures, report, bench."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from workflow.cli.options import Json, examples, in_mpi
+from workflow.cli.options import Json, answer, examples, progress
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
 
@@ -34,10 +34,8 @@ def figures(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = Fal
     from workflow.figures.gallery import draw
 
     paths = draw(folder, modes)
-    if as_json:
-        print(json.dumps({"figures": [str(p) for p in paths]}))
-    else:
-        print("\n".join(map(str, paths)))
+    drawn = [str(path) for path in paths]
+    answer(as_json, {"figures": drawn}, lambda: drawn)
 
 
 @verbs.command(epilog=examples("squealx report runs/bar-impact"))
@@ -45,8 +43,8 @@ def report(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = Fals
     """Write FOLDER/report.html: settings, results, figures, checks, how to do it again."""
     from workflow.report.page import report as write
 
-    path = write(folder, modes)
-    print(json.dumps({"report": str(path)}) if as_json else path)
+    path = str(write(folder, modes))
+    answer(as_json, {"report": path}, lambda: [path])
 
 
 @verbs.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))
@@ -62,15 +60,12 @@ def bench(
     """Measure how fast this machine runs kernels, steps and contact: a table and a figure."""
     if in_mpi():
         raise SceneError("bench: expected to be started without mpiexec; it starts its own ranks")
-    from rich.console import Console
-
-    from workflow.bench.speed import measure, show
-    from workflow.results.writer import check_free
+    from workflow.bench.speed import measure, printout
+    from workflow.results.folder import check_free
 
     check_free(out)
-    progress = Console(stderr=True)
-    found = measure(out, quick, lambda line: progress.print(line, highlight=False))
-    print(json.dumps(found)) if as_json else show(found, Console())
+    found = measure(out, quick, progress())
+    answer(as_json, found, lambda: printout(found))
 
 
 @verbs.command(
@@ -87,29 +82,21 @@ def stability(
     """Run stiff and extreme cases: a verdict for every cell, limits found against the audit's."""
     if in_mpi():
         raise SceneError("stability: expected to be started without mpiexec; its cells are serial")
-    from rich.console import Console
-
-    from workflow.results.writer import check_free
+    from workflow.results.folder import check_free
     from workflow.stability.figure import draw
     from workflow.stability.limits import limits
     from workflow.stability.run import counts, matrix
 
     check_free(out, resume=True)  # cells that are there are gone on from
-    progress = Console(stderr=True)
-
-    def log(line: str) -> None:
-        progress.print(line, highlight=False, soft_wrap=True)
-
+    log = progress()
     rows = matrix(out, quick=quick, workers=workers, log=log)
     table = limits(out, quick=quick, log=log)
     path = draw(rows, table, out / "stability.png")
-    told = counts(rows)
-    if as_json:
-        print(json.dumps({"verdicts": told, "limits": table, "figure": str(path)}))
-    else:
-        print(", ".join(f"{number} {kind}" for kind, number in told.items()))
-        print(path)
-    if told["unseen"]:
+    number = counts(rows)
+    found = {"verdicts": number, "limits": table, "figure": str(path)}
+    line = ", ".join(f"{count} {kind}" for kind, count in number.items())
+    answer(as_json, found, lambda: [line, str(path)])
+    if number["unseen"]:
         from workflow.simulation.guards import GuardError
 
         bad = [row["key"] for row in rows if row["kind"] == "unseen"]

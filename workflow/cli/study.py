@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Verbs of studies: study, studies."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from workflow.cli.options import EXIT, Changes, Json, examples, in_mpi, parsed
+from workflow.cli.options import EXIT, Changes, Json, answer, catalogue, examples, parsed
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
 
@@ -19,16 +19,8 @@ def studies(as_json: Json = False) -> None:
     from workflow.study.study import load, names
 
     listed = {name: load(name) for name in names()}
-    if as_json:
-        print(json.dumps({n: {"title": s.title, "about": s.about} for n, s in listed.items()}))
-        return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("study", "what it compares", "size and time on two cores")
-    for name, study in listed.items():
-        table.add_row(name, study.title, study.about)
-    Console().print(table)
+    found = {n: {"title": s.title, "about": s.about} for n, s in listed.items()}
+    answer(as_json, found, lambda: [catalogue("study", "what it compares", found)])
 
 
 @verbs.command(
@@ -83,6 +75,7 @@ def study(
 
 def _list(runs: Any, folder: Path, as_json: bool) -> None:
     """Print the runs, their parameters and how far they are."""
+    from workflow.results.table import Column, Table
     from workflow.study.folder import state
 
     listed = [
@@ -90,32 +83,28 @@ def _list(runs: Any, folder: Path, as_json: bool) -> None:
         | {"changes": r.changes}
         for r in runs
     ]
-    if as_json:
-        print(json.dumps({"folder": str(folder), "runs": listed}))
-        return
-    from rich.console import Console
-    from rich.table import Table
 
-    table = Table("run", "scene", "ranks", "changes", "state", title=f"in {folder}")
-    for row in listed:
-        keys = "\n".join(f"{key} = {value}" for key, value in row["changes"].items())
-        table.add_row(row["run"], row["scene"], str(row["ranks"]), keys, row["state"])
-    Console().print(table)
+    def changes(row: dict[str, Any]) -> str:
+        return "\n".join(f"{key} = {value}" for key, value in row["changes"].items())
+
+    columns = [
+        Column("run", "run", words=True),
+        Column("scene", "scene", words=True),
+        Column("ranks", "ranks"),
+        Column("changes", changes, words=True),
+        Column("state", "state", words=True),
+    ]
+    found = {"folder": str(folder), "runs": listed}
+    answer(as_json, found, lambda: [Table(f"in {folder}", columns, listed)])
 
 
 def _compare(title: str, folder: Path, as_json: bool) -> None:
     """Write table.csv and the figures of a study; print what they say."""
-    from rich.console import Console
-
-    from workflow.results.writer import strict
     from workflow.study import table
     from workflow.study.figures import draw
 
     rows = table.rows(folder)
     paths = [table.write(rows, folder / "table.csv"), *draw(folder, rows)]
-    if as_json:
-        found = {"folder": str(folder), "runs": rows, "fronts": table.verdicts(rows)}
-        print(json.dumps(strict(found | {"files": list(map(str, paths))})))
-        return
-    table.show(rows, f"{title} → {folder}", Console())
-    print("\n".join(map(str, paths)))
+    files = list(map(str, paths))
+    found = {"folder": str(folder), "runs": rows, "fronts": table.verdicts(rows), "files": files}
+    answer(as_json, found, lambda: [*table.printout(rows, f"{title} → {folder}"), *files])

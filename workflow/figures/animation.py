@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.footprint import boxes, development, undeformed
 from workflow.figures.section import cut, row
-from workflow.figures.style import Array
-from workflow.results.record import Contact, Patch, Record
+from workflow.results.record import Contact, PatchNodes, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,13 @@ class Scenery:
 
 
 def transition(record: Record) -> Path | None:
-    """Write ``figures/transition.gif`` and return its path, None if the contact does not change."""
+    """A frame for each output, nothing between them.
+
+    Above: the contact surface rolled out flat (for a wheel on a rail; else the plane of the
+    first patch), cells coloured by pressure, arrows the shear on the lower body, cells that
+    adhere outlined in green. Below: cut across the track through the patch that bears most;
+    normal and tangential force of each patch.
+    """
     if not record.contacts:
         return None
     contact = next(iter(record.contacts.values()))
@@ -108,7 +114,7 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
             away = np.linalg.norm(points[body.cells].mean(axis=1)[:, 1:] - _middle(some), axis=1)
             cuts.append(cut(body.part(away < NEAR), points, row(first)))
     every = [p for o in some.patches for p in o.values()]
-    pressure = max(float((p.pressing / p.areas).max()) for p in every)
+    pressure = max(float(p.pressure.max()) for p in every)
     shear = max(float(np.linalg.norm(p.shear, axis=1).max()) for p in every)
     return Scenery(some, flat, labels, (pressure, shear), cuts)
 
@@ -145,7 +151,7 @@ def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
         at = scenery.flat[k][place]
         edges = np.where(patch.stick, *EDGES)
         cells = PolyCollection(
-            list(boxes(at, patch.areas) * MM), array=patch.pressing / patch.areas * MPA,
+            list(boxes(at, patch.areas) * MM), array=patch.pressure * MPA,
             cmap=style.COLOUR_MAP["pressure"], clim=(0, 1.25 * pressure * MPA),
             edgecolors=list(edges), linewidths=np.where(patch.stick, 1.8, 0.5),
         )  # fmt: skip
@@ -186,8 +192,8 @@ def _window(axes: "Axes", scenery: Scenery, k: int) -> None:
 
 
 def _centre(scenery: Scenery, k: int, place: int) -> Array:
-    patch: Patch = scenery.contact.patches[k][place]
-    return np.asarray(patch.pressing @ scenery.flat[k][place] / patch.normal_force)
+    patch: PatchNodes = scenery.contact.patches[k][place]
+    return np.asarray(patch.normal_forces @ scenery.flat[k][place] / patch.normal_force)
 
 
 def _forces(axes: "Axes", scenery: Scenery, k: int, scale: float, unit: str) -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import EDGE, Frame, halved, surface
-from workflow.results.record import STEEP, Body, Contact, Patch, Record
+from workflow.results.record import STEEP, Body, Contact, PatchNodes, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +61,12 @@ class Development:
 
 
 def footprints(record: Record) -> "Figure | None":
-    """Footprints on the rail: one-point contact blue, two-point contact red."""
+    """Nodes in contact at some of the outputs, at the places of the undeformed rail.
+
+    A node counts if its normal force is not zero. Outlines enclose the tributary areas of the
+    nodes. Blue: contact in one patch; red: in two. The lower panel is the running surface
+    rolled out flat; lines are trails of the centres of normal force at every output.
+    """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
     rail = record.body.part(record.body.regions == Tag.RAIL_HEAD)
@@ -179,7 +184,7 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
         _trail(axes, flat, [(t, p[place]) for t, p in _outputs(contact) if place in p], place)
     every = np.vstack([p.position for _, o in _outputs(contact) for p in o.values()])
     s = flat.flat(every)[:, 1] * MM
-    bend = np.interp(STEEP, np.degrees(flat.slope[::-1]), flat.s[::-1]) * MM
+    bend = np.interp(STEEP, flat.slope[::-1], flat.s[::-1]) * MM
     axes.set_ylim(min(s.min(), bend) - 9, s.max() + 9)
     axes.axhline(bend, color=style.INK, ls=":", lw=0.8)
     axes.text(0.995, bend, "rail slopes 45°", transform=axes.get_yaxis_transform(), **_BEND)
@@ -189,7 +194,9 @@ def developed(axes: "Axes", rail: Body, flat: Development, contact: Contact) -> 
     style.letter(axes, "b", "developed surface, s from the rail top, gauge side below")
 
 
-def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], place: int) -> None:
+def _trail(
+    axes: "Axes", flat: Development, path: list[tuple[float, PatchNodes]], place: int
+) -> None:
     """Draw the trail of a patch and label the times of its ends, away from the other patch."""
     if not path:
         return
@@ -208,7 +215,7 @@ def _trail(axes: "Axes", flat: Development, path: list[tuple[float, Patch]], pla
 _BEND: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 6, "color": style.INK}
 
 
-def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
+def shown(contact: Contact) -> list[tuple[dict[int, PatchNodes], str]]:
     """Return patches and colour of the outputs that are outlined.
 
     Those are the first, the last, births, and so many between that outlines do not pile up.
@@ -225,7 +232,7 @@ def shown(contact: Contact) -> list[tuple[dict[int, Patch], str]]:
     return kept
 
 
-def _outputs(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
+def _outputs(contact: Contact) -> list[tuple[float, dict[int, PatchNodes]]]:
     return [(t, p) for t, p in zip(contact.t, contact.patches, strict=True) if p]
 
 

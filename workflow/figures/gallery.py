@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Figures of a run, drawn from its result folder alone; what the run does not have is not drawn.
 
-Each public function draws one figure of a record and returns it, or None if there is nothing to
-draw. matplotlib and pyvista are imported only here and below, when a figure is made.
+Each function of ``FIGURES`` draws one figure of a record and returns it, or None if there is
+nothing to draw. Its name is that of the file, its docstring is the caption. matplotlib and pyvista
+are imported when a figure is made, so that the command line starts without them.
 """
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workflow.figures import style
 from workflow.figures.animation import transition
@@ -23,28 +25,6 @@ from workflow.results.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = [
-    "adhesion",
-    "at_rest",
-    "centre_line",
-    "contact_nodes",
-    "cross_section",
-    "draw",
-    "energy",
-    "footprints",
-    "history",
-    "modal_participation",
-    "model",
-    "patch_forces",
-    "patch_means",
-    "placement",
-    "pressure",
-    "sampled_forces",
-    "sampled_spectra",
-    "shear_vectors",
-    "transition",
-]
 
 FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     model,
@@ -65,6 +45,13 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     sampled_spectra,
     modal_participation,
 )
+
+
+def caption(name: str) -> str:
+    """Return the caption of a figure by the name of its file: the docstring of its function."""
+    every: tuple[Callable[[Record], Any], ...] = (*FIGURES, transition)
+    figure = next(figure for figure in every if figure.__name__ == name)
+    return " ".join((inspect.getdoc(figure) or "").split())
 
 
 def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:

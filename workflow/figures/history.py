@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST
-from workflow.figures.style import Array
 from workflow.results.record import STEEP, Contact, Record
 from workflow.theory.closed_forms import closed_forms
 
@@ -20,7 +20,11 @@ HISTORY_FORCES = ("normal_force", "tangential_x_force", "tangential_y_force", "t
 
 
 def patch_forces(record: Record) -> "Figure | None":
-    """Forces, contact angle and area of each patch over time, for a wheel on a rail."""
+    """Normal force, tangential force, contact angle and area of each patch at every output.
+
+    The tangential force is the size of the vector sum, the area the sum of tributary areas. The
+    static wheel load is the vertical contact force at the first output.
+    """
     if not record.wheel_on_rail or not record.contacts:
         return None
     contact = next(iter(record.contacts.values()))
@@ -29,7 +33,7 @@ def patch_forces(record: Record) -> "Figure | None":
     scale, unit = style.prefixed(contact.t, "s")
     _normal_forces(panels[0], contact, scale, static="equilibrium" in record.scene)
     _by_patch(panels[1], contact, "tangential_force", scale, 1e-3)
-    _by_patch(panels[2], contact, "angle", scale, 1.0)
+    _by_patch(panels[2], contact, "contact_angle", scale, style.DEGREES)
     _by_patch(panels[3], contact, "area", scale, 1e6)
     titles = ("normal force", "tangential force", "contact angle", "contact area")
     labels = ("force [kN]", "force [kN]", "angle to the vertical [°]", "area [mm²]")
@@ -48,9 +52,12 @@ def patch_forces(record: Record) -> "Figure | None":
 
 
 def patch_means(record: Record) -> "Figure | None":
-    """Mean shear stress of each patch, its angle θ and the creepages of the bodies over time.
+    """Mean shear stress on the rail in the frame of each patch, its angle θ, and the creepages.
 
-    Patches of one or two nodes, about to be born or to end, are left out of the stresses.
+    The stress, along and across the rolling direction, is the sum of nodal forces over the sum
+    of tributary areas; θ is its angle from the negative longitudinal axis. Creepage is the
+    rigid slip of wheel on rail at the patch over the rolling speed. Patches of one or two nodes
+    are left out of the stresses.
     """
     if not record.wheel_on_rail or not record.contacts:
         return None
@@ -65,7 +72,7 @@ def patch_means(record: Record) -> "Figure | None":
     quantities = ("lateral_shear", "longitudinal_shear", "shear_angle")
     titles = ("mean lateral shear", "mean longitudinal shear", "angle θ of the mean shear")
     labels = ("stress on the rail [MPa]", "stress on the rail [MPa]", "from −longitudinal [°]")
-    for k, factor in enumerate((1e-6, 1e-6, 1.0)):
+    for k, factor in enumerate((1e-6, 1e-6, style.DEGREES)):
         _by_patch(panels[k], ample, quantities[k], scale, factor)
         style.letter(panels[k], "abc"[k], titles[k])
         panels[k].set_ylabel(labels[k])
@@ -89,7 +96,7 @@ def _creepages(axes: "Axes", record: Record, scale: float) -> None:
     if not table:
         axes.set_axis_off()
         return
-    steep = np.degrees(table["contact_angle"]) >= STEEP
+    steep = table["contact_angle"] >= STEEP
     for place, mine in ((1, ~steep), (2, steep)):
         t, row = np.unique(table["t"][mine], return_inverse=True)
         force = table["normal_force"][mine]
@@ -107,7 +114,12 @@ def _creepages(axes: "Axes", record: Record, scale: float) -> None:
 
 
 def energy(record: Record) -> "Figure | None":
-    """Change of every energy since the start, and the error of their balance."""
+    """Change of each energy since the start, and the error of their balance.
+
+    (a) Dissipations and works are sums. The dashed sum less external work would be zero in
+    exact arithmetic of the time stepping. (b) That sum over the largest energy exchanged so
+    far.
+    """
     history = record.history
     t = history.get("t", np.zeros(0))
     terms = {k: history[k] - history[k][0] for k in style.ENERGY if k in history and len(t)}
@@ -135,7 +147,11 @@ def energy(record: Record) -> "Figure | None":
 
 
 def history(record: Record) -> "Figure | None":
-    """Contact force of each pair over time, its closed form behind where there is one."""
+    """Resultants of each contact at every output.
+
+    Wide pale lines are closed forms: ρ c v A for a bar, the dead load, Hertz's impact, Carter's
+    and Kalker's tangential force at the creepage that is imposed.
+    """
     history, pairs = record.history, list(record.scene.get("contacts", {}))
     if record.wheel_on_rail or not pairs or not len(history.get("t", ())):
         return None

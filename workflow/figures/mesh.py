@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import Frame, add_regions, halved, mesh_picture
 from workflow.results.record import RAIL, Body, Record
 
@@ -25,7 +25,11 @@ CLOSE = 0.045  # half size of the close-up [m]
 
 
 def model(record: Record) -> "Figure | None":
-    """The mesh coloured by region; for a wheel on a rail also close up, cut at the contact."""
+    """The mesh as computed, coloured by region.
+
+    For a wheel on a rail the whole model, the wheelset on the rail, a cut at the contact with
+    its cells, and the rail seat. Positions are those before any load.
+    """
     body = record.body
     if body is None:
         return None

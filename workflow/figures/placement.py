@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.results.record import Record
 
 if TYPE_CHECKING:
@@ -29,7 +29,12 @@ WINDOWS = (0.060, 0.006, 0.003)  # half widths of the three panels [m]
 
 
 def placement(record: Record) -> "Figure | None":
-    """Outlines of wheel and rail in the track, windows on tread and flange, and the gap between."""
+    """Wheel and rail as placed in the track before any load.
+
+    The wheel is drawn by the points of it that can touch the rail, seen along the rail: with an
+    angle of attack the flange comes ahead of the tread. (d) is the distance between the two,
+    vertical and along the normal of the wheel, from the exact profiles.
+    """
     if not record.wheel_on_rail:
         return None
     from meshes.profiles.outline import gap_function

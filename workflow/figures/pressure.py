@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
-from workflow.results.record import Patch, Record
+from workflow.results.record import PatchNodes, Record
 from workflow.theory.closed_forms import Smooth, checked, smooth
 
 if TYPE_CHECKING:
@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contact.theory.closed_forms import Hertz
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from workflow.theory.at_rest import AtRest
 
 MM, MPA = 1e3, 1e-6
@@ -31,9 +25,11 @@ INNER = 0.9  # of the contact, where nodes are compared: the edge is a matter of
 
 
 def pressure(record: Record) -> "Figure | None":
-    """Pressure at the last output in contact, Hertz behind; shear of Carter or Cattaneo.
+    """Nodal pressure and shear at the last output in contact, closed forms behind.
 
-    Closed forms are those under the normal (and tangential) force of that output.
+    Pressure (normal force over tributary area) against Hertz under the same normal force; shear
+    against Carter or Cattaneo and Mindlin under the same tangential force. Root mean squares
+    are of the nodes within 0.9 of the contact, over the largest value.
     """
     bodies = smooth(record)
     if bodies is None or not record.contacts:
@@ -45,7 +41,7 @@ def pressure(record: Record) -> "Figure | None":
     fig = style.figure(style.PAGE if sheared else style.COLUMN, 2.8)
     panels = fig.subplots(1, 1 + bool(sheared), squeeze=False)[0]
     exact = hertz.pressure(line[:, 0] * hertz.a)
-    nodal, there = patch.pressing / patch.areas, hertz.pressure(*at.T)
+    nodal, there = patch.pressure, hertz.pressure(*at.T)
     inside = np.hypot(at[:, 0] / hertz.a, at[:, 1] / hertz.b) < INNER
     error = _rms(nodal, there, inside, hertz.p0)
     _compare(panels[0], (line[:, 1], exact), (where, nodal), "Hertz", error)
@@ -62,7 +58,7 @@ def pressure(record: Record) -> "Figure | None":
     return fig
 
 
-def last_patch(record: Record) -> Patch:
+def last_patch(record: Record) -> PatchNodes:
     """Return the patch with most force of the last output in contact."""
     contact = next(iter(record.contacts.values()))
     patches = next(p for p in reversed(contact.patches) if p)
@@ -82,7 +78,7 @@ def _abscissa(bodies: Smooth, hertz: "Hertz", at: Array) -> tuple[Array, Array, 
 
 
 def _traction(
-    record: Record, bodies: Smooth, patch: Patch, hertz: "Hertz"
+    record: Record, bodies: Smooth, patch: PatchNodes, hertz: "Hertz"
 ) -> tuple[str, Callable[[Array], Array], Array] | None:
     """Return name, closed form and nodal values of the shear along x [Pa], None if there is none.
 
@@ -92,11 +88,11 @@ def _traction(
 
     scene = checked(record)
     friction = next(iter(scene.contacts.values())).friction
-    resultant = patch.traction[:, 0].sum()
+    resultant = patch.tangential_forces[:, 0].sum()
     P, Q = bodies.whole(patch.normal_force), bodies.whole(abs(resultant))
     if not isinstance(friction, float) or not 0 < Q <= friction * P or not scene.driven:
         return None
-    shear = np.sign(resultant) * patch.traction[:, 0] / patch.areas
+    shear = np.sign(resultant) * patch.tangential_forces[:, 0] / patch.areas
     if bodies.plane and bodies.rolls:
         below = [d.velocity[0] for d in scene.driven.values() if not any(d.spin)]
         ahead = -np.sign(below[0]) if below and below[0] else 1.0
@@ -184,7 +180,8 @@ def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array) -> None:
     axes.autoscale_view()
     axes.grid(False)
     axes.figure.colorbar(cells, ax=axes, location="top", label="nodal pressure [MPa]", shrink=0.9)
-    style.letter(axes, "a", f"{rest.patch.normal_force / 1e3:.1f} kN, {rest.patch.angle:.1f}°")
+    angle = np.degrees(rest.patch.contact_angle)
+    style.letter(axes, "a", f"{rest.patch.normal_force / 1e3:.1f} kN, {angle:.1f}°")
 
 
 def _line(axes: "Axes", rest: "AtRest", at: Array, middle: Array, k: int) -> None:

@@ -6,15 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import volume
-from workflow.results.record import RAIL, Body, Contact, Patch, Record
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
+from workflow.results.record import RAIL, Body, Contact, PatchNodes, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,9 +20,11 @@ NUDGE = 1e-6  # off the nodes of a body at rest, where cells would be cut along 
 
 
 def cross_section(record: Record) -> "Figure | None":
-    """Deformed wheel and rail cut through each patch when both bear most.
+    """The deformed cells of wheel and rail cut across the track through each patch.
 
-    With one patch only, the last output in contact is drawn.
+    Shown is the output at which the lesser of two patches bears most, or the last one in
+    contact. Arrows are the directions of the normal resultants; the contact angle is theirs to
+    the vertical.
     """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
@@ -91,7 +88,7 @@ def section(axes: "Axes", body: Body, points: Array, x: float) -> None:
     axes.grid(False)
 
 
-def overview(axes: "Axes", patches: dict[int, Patch]) -> None:
+def overview(axes: "Axes", patches: dict[int, PatchNodes]) -> None:
     """Show the head of the rail and the windows on each patch."""
     from matplotlib.patches import Rectangle
 
@@ -106,7 +103,7 @@ def overview(axes: "Axes", patches: dict[int, Patch]) -> None:
         axes.text(y + half + 1, z - half, mark, color=colour, fontweight="bold", va="bottom")
 
 
-def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
+def close_up(axes: "Axes", patch: PatchNodes, place: int, mark: str) -> None:
     """Mark contact nodes, normal and contact angle of a patch on its section."""
     x, (y, z) = row(patch) * MM, patch.centre[1:] * MM
     half = window(patch)
@@ -117,7 +114,7 @@ def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
     axes.plot(*at[here].T, "o", ms=3.5, color=colour, mec="white", mew=0.4)
     _angle(axes, patch, 0.72 * half, colour)
     text = (
-        f"contact angle {patch.angle:.1f}°\n"
+        f"contact angle {np.degrees(patch.contact_angle):.1f}°\n"
         f"normal force {patch.normal_force / 1e3:.1f} kN\n"
         f"{len(at)} node{'s' * (len(at) > 1)}, {patch.area * 1e6:.0f} mm²"
     )
@@ -127,25 +124,25 @@ def close_up(axes: "Axes", patch: Patch, place: int, mark: str) -> None:
     style.letter(axes, mark, f"patch {place}, cut at x = {x:.1f} mm")
 
 
-def row(patch: Patch) -> float:
+def row(patch: PatchNodes) -> float:
     """Return the position x of the row of nodes next to the centre of a patch [m]."""
     x = patch.position[:, 0]
     return float(x[np.argmin(np.abs(x - patch.centre[0]))])
 
 
-def in_plane(patch: Patch) -> npt.NDArray[np.bool_]:
+def in_plane(patch: PatchNodes) -> npt.NDArray[np.bool_]:
     """Tell which nodes lie within half a cell of the plane of the section."""
     half_cell = np.sqrt(np.median(patch.areas)) / 2
     return np.asarray(np.abs(patch.position[:, 0] - row(patch)) <= half_cell)
 
 
-def window(patch: Patch) -> float:
+def window(patch: PatchNodes) -> float:
     """Return half the width of a window that shows a patch with its surroundings [mm]."""
     reach = np.abs(patch.position[:, 1:] - patch.centre[1:]).max() * MM
     return float(np.clip(1.6 * reach + 3, 6, 20))
 
 
-def _angle(axes: "Axes", patch: Patch, length: float, colour: str) -> None:
+def _angle(axes: "Axes", patch: PatchNodes, length: float, colour: str) -> None:
     """Draw the normal of a patch and its angle from the vertical."""
     from matplotlib.patches import Arc
 
@@ -186,7 +183,12 @@ BODIES = {False: ("wheel", "#3f6f9e", "o"), True: ("rail", "#8a6a2f", "s")}
 
 
 def contact_nodes(record: Record) -> "Figure | None":
-    """Nodes of wheel and rail through each patch when both bear most, and from their plane."""
+    """Coordinates of the surface nodes of wheel and rail next to the section through each patch.
+
+    (a) In the track, with the tangent of each patch and its angle to the horizontal. (b, c) In
+    the frame of each patch, heights stretched: nodes in contact lie on, or by the penetration
+    below, the facets of the other body.
+    """
     if not record.wheel_on_rail or not record.contacts or record.body is None:
         return None
     contact = next(iter(record.contacts.values()))
@@ -218,7 +220,7 @@ def surface_nodes(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.unique(faces[first[count == 1]])
 
 
-def _rows(body: Body, points: Array, patch: Patch) -> dict[bool, Array]:
+def _rows(body: Body, points: Array, patch: PatchNodes) -> dict[bool, Array]:
     """Return the nodes of wheel (False) and rail (True) next to the section of a patch."""
     away = np.linalg.norm(points[body.cells].mean(axis=1) - patch.centre, axis=1)
     on_rail, found = np.isin(body.regions, RAIL), {}
@@ -235,7 +237,7 @@ def _nearest(x: Array, wanted: float) -> float:
     return float(x[np.argmin(np.abs(x - wanted))]) if len(x) else wanted
 
 
-def _mark_angle(axes: "Axes", patch: Patch, rows: dict[bool, Array], place: int) -> None:
+def _mark_angle(axes: "Axes", patch: PatchNodes, rows: dict[bool, Array], place: int) -> None:
     """Draw the rows of nodes in the track, and normal and contact angle of the patch."""
     for rail, (_, colour, marker) in BODIES.items():
         axes.plot(*rows[rail][:, 1:].T * MM, marker, color=colour, ms=2.4, mew=0)
@@ -247,12 +249,12 @@ def _mark_angle(axes: "Axes", patch: Patch, rows: dict[bool, Array], place: int)
     axes.plot(*ends.T, color=style.PATCH[place], lw=0.9)
     axes.plot(centre[0] + np.array([0, 9]), centre[[1, 1]], color=style.INK, lw=0.6, ls=":")
     axes.text(
-        centre[0] + 9.4, centre[1], f"{patch.angle:.1f}°",
+        centre[0] + 9.4, centre[1], f"{np.degrees(patch.contact_angle):.1f}°",
         color=style.PATCH[place], fontsize=7, weight="bold", va="center",
     )  # fmt: skip
 
 
-def _unrolled(axes: "Axes", patch: Patch, rows: dict[bool, Array], place: int) -> None:
+def _unrolled(axes: "Axes", patch: PatchNodes, rows: dict[bool, Array], place: int) -> None:
     """Draw the rows in the frame of the patch, heights over its plane in micrometres."""
     _, lateral, normal = patch.frame
     for rail, (_, colour, marker) in BODIES.items():

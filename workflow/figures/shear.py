@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from workflow.figures import style
 from workflow.figures.footprint import boxes
-from workflow.results.record import Contact, Patch, Record
+from workflow.results.record import Contact, PatchNodes, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,16 +29,21 @@ OTHER_NAME = {1: "contact patch", 2: "steep patch"}
 
 
 def adhesion(record: Record) -> "Figure | None":
-    """Adhesion and slip in each patch: friction x normal - shear force against its tolerance."""
+    """Nodes of each patch in its tangent plane, each as a rectangle of its tributary area.
+
+    A node adheres if friction × normal force less tangential force exceeds ε, the given part of
+    the largest nodal tangential force of the output. Times: the last output before a second
+    patch, and the first, middle and last with two; with one patch, four over the run.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
     tolerance = stick_tolerance(record)
 
-    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+    def draw(axes: "Axes", place: int, patches: dict[int, PatchNodes]) -> None:
         patch = patches[place]
         _cells(axes, patch, [style.ADHESION if s else style.SLIP for s in patch.stick])
-        largest = max(np.linalg.norm(p.traction, axis=1).max() for p in patches.values())
+        largest = max(np.linalg.norm(p.tangential_forces, axis=1).max() for p in patches.values())
         adhering = f"{patch.stick.sum()} of {len(patch.stick)} adhere"
         _note(axes, f"{adhering}, ε {tolerance * largest:.0f} N")
 
@@ -51,14 +56,17 @@ def adhesion(record: Record) -> "Figure | None":
 
 
 def shear_vectors(record: Record) -> "Figure | None":
-    """Shear stress on the lower body as vectors, and its angle θ of the mean."""
+    """Shear stress on the lower body at each node of the patches, in their tangent planes.
+
+    θ is the angle of the mean to the negative longitudinal axis.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
     scale = {place: arrow_scale(contact, place) for place in style.PATCH}
     keyless = set(scale)
 
-    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+    def draw(axes: "Axes", place: int, patches: dict[int, PatchNodes]) -> None:
         patch, (unit, key) = patches[place], scale[place]
         _cells(axes, patch, ["#e6e6e6"] * len(patch.areas))
         x, y = patch.local.T * MM
@@ -67,7 +75,7 @@ def shear_vectors(record: Record) -> "Figure | None":
             color=style.INK, units="inches", width=0.012, headwidth=3.6, headlength=4.2, zorder=3,
         )  # fmt: skip
         mean = np.hypot(patch.longitudinal_shear, patch.lateral_shear) * MPA
-        _note(axes, f"θ {patch.shear_angle:.0f}°, mean {mean:.0f} MPa")
+        _note(axes, f"θ {np.degrees(patch.shear_angle):.0f}°, mean {mean:.0f} MPa")
         if place in keyless:
             keyless.remove(place)
             axes.quiverkey(arrows, 0.84, 0.12, key, f"{key:g} MPa", labelpos="W", **_KEY)
@@ -81,16 +89,20 @@ _KEY: dict[str, Any] = {"fontproperties": {"size": 6}, "labelsep": 0.04}
 
 
 def centre_line(record: Record) -> "Figure | None":
-    """Pressure, friction x pressure and shear stress along each longitudinal centre line."""
+    """Pressure, friction × pressure and shear stress at nodes of a longitudinal row of each patch.
+
+    The row is the one next to the centre of the patch. Where shear meets friction × pressure
+    the surfaces slip. Stress is nodal force over tributary area.
+    """
     contact = rolling_contact(record)
     if contact is None:
         return None
     limit: dict[str, Any] = {"color": style.SLIP, "lw": 3.2, "solid_capstyle": "round"}
 
-    def draw(axes: "Axes", place: int, patches: dict[int, Patch]) -> None:
+    def draw(axes: "Axes", place: int, patches: dict[int, PatchNodes]) -> None:
         patch = patches[place]
         line = centre_row(patch)
-        x, pressure = patch.local[line, 0] * MM, (patch.pressing / patch.areas)[line] * MPA
+        x, pressure = patch.local[line, 0] * MM, patch.pressure[line] * MPA
         shear, stick = np.linalg.norm(patch.shear, axis=1)[line] * MPA, patch.stick[line]
         axes.plot(x, pressure, color=style.FAINT, marker="o", ms=2.6)
         axes.plot(x, patch.friction[line] * pressure, **limit)
@@ -143,7 +155,7 @@ def stick_tolerance(record: Record) -> float:
     return float(record.scene["contacts"][name].get("stick_tolerance", 0.05))
 
 
-def moments(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
+def moments(contact: Contact) -> list[tuple[float, dict[int, PatchNodes]]]:
     """Return time and patches of the outputs to show.
 
     Those are a third of the way to the birth of a second patch, the last before it, and the first,
@@ -168,7 +180,7 @@ def moments(contact: Contact) -> list[tuple[float, dict[int, Patch]]]:
     return [outputs[k] for k in sorted(set(chosen))]
 
 
-def centre_row(patch: Patch) -> npt.NDArray[np.int64]:
+def centre_row(patch: PatchNodes) -> npt.NDArray[np.int64]:
     """Return the nodes of the longitudinal row next to the centre, from the rear to the front."""
     half = 0.5 * np.sqrt(np.median(patch.areas))
     x, y = patch.local.T
@@ -224,7 +236,7 @@ def _panels(
 _ABSENT: dict[str, Any] = {"ha": "center", "va": "center", "color": style.FAINT, "fontsize": 7}
 
 
-def _limits(patches: list[Patch]) -> tuple[tuple[float, float], tuple[float, float]]:
+def _limits(patches: list[PatchNodes]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return limits for all patches of a row [mm], with room for arrows beyond the cells."""
     corners = np.vstack([boxes(p.local, p.areas).reshape(-1, 2) for p in patches]) * MM
     (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
@@ -238,7 +250,7 @@ def _height(limits: tuple[tuple[float, float], tuple[float, float]], columns: in
     return (style.PAGE - 0.7) / columns * 0.92 * (high - low) / (right - left)
 
 
-def _cells(axes: "Axes", patch: Patch, colours: list[str]) -> None:
+def _cells(axes: "Axes", patch: PatchNodes, colours: list[str]) -> None:
     """Draw each node as a rectangle of its tributary area, as long as rows are spaced."""
     from matplotlib.collections import PolyCollection
 

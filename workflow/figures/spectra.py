@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from contact.footprint import contact_angle
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST, centre_row
-from workflow.figures.style import Array
 from workflow.results import spectra
 from workflow.results.participation import (
     ModeShapes,
@@ -69,11 +70,11 @@ def sampled_forces(record: Record) -> "Figure | None":
 
 def parts(record: Record, pair: PairSamples) -> list[tuple[str, str, Array]]:
     """Return label, colour and sums of the nodal normal forces, by place for a wheel on a rail."""
-    size = np.linalg.norm(pair.pressing, axis=1)
+    size = np.linalg.norm(pair.normal_forces, axis=1)
     count = len(pair.start) - 1
     if not record.wheel_on_rail:
         return [("normal force", style.PATCH[1], np.bincount(pair.sample, size, count))]
-    angle = np.degrees(np.arctan2(np.abs(pair.pressing[:, 1]), np.abs(pair.pressing[:, 2])))
+    angle = contact_angle(pair.normal_forces)
     out = []
     for place, mine in ((1, angle < STEEP), (2, angle >= STEEP)):
         force = np.bincount(pair.sample[mine], size[mine], count)

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 DPI = 200
+DEGREES = float(np.degrees(1.0))  # in a radian
 COLUMN, PAGE = 3.5, 7.2  # widths of a journal column and page [inch]
 
 RC = {

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.results.record import Body
 
 if TYPE_CHECKING:

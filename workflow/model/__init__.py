@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The model of a scene: mesh, mass, forms, supports, loads, contacts and the stable step."""
+"""Model of a scene: mesh, mass, forms, supports, loads, contacts and the stable step."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,26 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The forms of all bodies of a scene: internal work, energies, viscosity, and the stable step."""
+"""Bodies of a scene: materials, laws and forms, and the internal force made of them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import la
 
 from forms import elements
 from forms.cells import one_point
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
-from forms.kernel import Array
-from forms.springs.connections import Connections
-from forms.springs.step_bound import NONE, Attached, as_springs, attached, joined, joined_step
-from forms.time_step import assembled_frequency, cell_frequency
-from forms.viscosity import bulk_viscosity, damped_step, tangent_viscosity
+from forms.kernel import Array, CellIntegral, CellKernel
+from forms.mass import lumped_mass
+from forms.rank_sums import gathered, own_part
+from forms.viscosity import bulk_viscosity, tangent_viscosity
+from meshes.arrays import Dofs
 from meshes.domain import Domain
-from workflow.model.contacts import contact_terms
 from workflow.model.geometry import cell_size
+from workflow.model.state import State
+from workflow.scene import Scene
 from workflow.scene.bodies import Body, Isotropic
-from workflow.scene.scene import Scene
 
 
 class Bodies:
@@ -44,6 +45,16 @@ class Bodies:
     def tags(self, body: Body) -> tuple[int, ...]:
         """Return the region tags of the mesh that make a body."""
         return self.domain.source.tags(body.regions)
+
+    def dofs(self, name: str) -> Dofs:
+        """Return the owned dof blocks of the body called ``name``."""
+        return self.domain.region_dofs(self.scene.bodies[name].regions)
+
+    def lumped_mass(self) -> Array:
+        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
+        bodies = self.scene.bodies.values()
+        densities = {self.tags(body): body.material.density for body in bodies}
+        return lumped_mass(self.domain.V, self.dx, densities)
 
     def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
         """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
@@ -151,92 +162,70 @@ class Bodies:
                 )
 
 
-def step_bound(
-    bodies: Bodies, mass: Array, connections: Connections | None, log: Callable[[str], Any]
-) -> float:
-    """Return the largest stable step [s]: of the assembled system with contact, or of the cells.
-
-    A contact spring is ``penalty * m_eff / dt²``, so the pairs of a scene add at most the sum p of
-    their penalties to ``(ω dt)²``, whose limit is 4: ``dt = √(4 − p) / ω`` without damping. Their
-    dampers take ``ζ √p`` of the room ``1 − p/4`` that this leaves; springs from the bulk modulus
-    add to ω². The cell bound, which viscosity always takes, has the penalties in hand.
+class InternalForce:
+    """Minus the internal force as an item; counts its work only where it dissipates.
 
     Args:
-        bodies: Bodies with their forms.
-        mass: Lumped mass of every local scalar dof [kg].
-        connections: Springs, dampers and point masses, if there are such.
-        log: Called with a line if the assembled value cannot be used.
+        form: Minus the virtual work.
+        space: Space of the displacement.
+        precision: Type that is computed with, ``float64`` or ``float32``.
+        damped: Whether a part of its work is dissipated.
+        stored: Forms of the strain energy and of hourglass control, by term of the ledger.
     """
-    scene, V = bodies.scene, bodies.domain.V
-    entries = scene.bodies.values()
-    damping = max(b.stiffness_damping for b in entries), max(b.mass_damping for b in entries)
-    springs = dampers = NONE
-    if connections is not None:
-        parts = connections.masses, connections.links
-        springs, dampers = attached(connections.comm, *parts, mass)
-    touch = contact_terms(bodies, mass, log)
-    damping = damping[0], damping[1] + touch.rate
-    if any(b.bulk_viscosity for b in entries):
-        dt = damped_step(V, bodies.internal_work, bodies.damping_work, bodies.mass)
-        bound = 2 / dt + damping[1]
-        return joined_step(
-            touch.square**0.5, springs, dampers, mass_damping=bound, room=touch.undamped
-        )
-    if scene.time.bound == "assembled":
-        held = springs.nodal if connections is not None else None
-        frequency, sharp = assembled_frequency(V, bodies.internal_work, mass, held)
-        frequency = float(np.hypot(frequency, touch.square**0.5))
-        room = touch.room
-        if sharp and room > 0:
-            dt = joined_step(frequency, springs, dampers, *damping, held=True, room=room)
-            if connections is None or dt > 0.98 * np.sqrt(room) * 2 / frequency:
-                return dt
-            return damped_bound(bodies, mass, (springs, dampers), damping, dt, room, touch.square)
-        why = "the contact penalties are too large" if sharp else "Lanczos has not converged"
-        log(f"step: bounded by its stiffest cell, because {why}")
-    frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
-    frequency = float(np.hypot(frequency, touch.square**0.5))
-    return joined_step(frequency, springs, dampers, *damping, room=touch.undamped)
 
+    phase = "internal_force"
 
-def damped_bound(
-    bodies: Bodies,
-    mass: Array,
-    attachments: tuple[Attached, Attached],
-    damping: tuple[float, float],
-    dt: float,
-    room: float,
-    contact: float,
-    iterations: int = 3,
-) -> float:
-    """Return a longer stable step than ``dt`` where dampers sit on other nodes than the stiffest.
+    def __init__(
+        self, form: Any, space: Any, precision: str, *, damped: bool, stored: Mapping[str, Any]
+    ) -> None:
+        self.kernel = CellKernel(form, precision)
+        self.comm = space.mesh.comm
+        self.work, self.start = 0.0, np.nan  # stored energy at the first look, see energy
+        self._stored = {name: CellIntegral(energy) for name, energy in stored.items()}
+        index_map = space.dofmap.index_map
+        self._forces = [la.vector(index_map, 3) for _ in range(2)] if damped else []  # now, before
+        self._t: float | None = None
 
-    ``dt < 2 √room / ω`` with ω of ``K + 2/dt C`` is stable, and its right side grows with dt: from
-    a stable step on, each iterate is stable too.
+    def add(self, state: State, force: la.Vector) -> None:
+        """Add this rank's cells; the work is that of the elastic and viscous stress together."""
+        if not self._forces:
+            self.kernel.add(force)
+            return
+        self._forces.reverse()
+        now, before = self._forces
+        now.array[:] = 0.0
+        self.kernel.add(now)
+        force.array[:] += now.array
+        if self._t is not None:
+            v = state.v.x.array  # what the nodes moved with since then
+            self.work -= (state.t - self._t) / 2 * float(now.array @ v + before.array @ v)
+        self._t = state.t
 
-    Args:
-        bodies: Bodies with their forms.
-        mass: Lumped mass of every local scalar dof [kg].
-        attachments: Springs and dampers.
-        damping: Largest stiffness- and mass-proportional damping [s], [1/s].
-        dt: A stable step [s].
-        room: As in :func:`forms.springs.step_bound.joined_step`.
-        contact: Bound of K/M of contact springs that do not depend on the step [1/s²].
-        iterations: Lanczos runs.
-    """
-    beta, alpha = damping
-    for _ in range(iterations):
-        lagged = as_springs(*attachments, dt)
-        work = bodies.internal_work
-        frequency, sharp = assembled_frequency(bodies.domain.V, work, mass, lagged.nodal)
-        if not sharp:
-            return dt
-        square = (frequency**2 + contact) * (1 + 2 * beta / dt) + 2 * alpha / dt
-        longer = 2 * np.sqrt(room / joined(square, lagged, held=True))
-        if longer < 1.01 * dt:
-            return float(max(dt, longer))
-        dt = float(longer)
-    return dt
+    def rest(self, state: State, force: la.Vector) -> None:
+        """Add this rank's cells, the work left aside."""
+        self.kernel.add(force)
+
+    def stored(self) -> dict[str, float]:
+        """Return strain energy and that of hourglass control [J]; collective."""
+        return {name: integral() for name, integral in self._stored.items()}
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Return what is stored, and of the work what was not stored since the first look [J]."""
+        terms = self.stored()
+        now = sum(terms.values())
+        if np.isnan(self.start):
+            self.start = now
+        if self._forces:
+            terms["damping"] = self.comm.allreduce(self.work) - (now - self.start)
+        return terms
+
+    def memory(self) -> dict[str, Array]:
+        """Return the work on each rank and the energy stored at the start; collective."""
+        return {"work": gathered(self.comm, self.work), "start": np.array(self.start)}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self.work, self.start = own_part(self.comm, memory["work"]), float(memory["start"])
 
 
 def law(body: Body) -> Law:

@@ -1,38 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From a scene to everything that a run steps: mesh, kernels, mass, loads, pairs, supports."""
+"""Model of a scene: mesh, mass, items that act in a step, supports, and the step."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
 from forms.elements import Law
-from forms.kernel import CellIntegral, CellKernel
-from forms.loads import DeadLoad, DriveTorque, MassDamping
-from forms.mass import lumped_mass
 from forms.springs.connections import Connections
 from meshes.domain import Domain
-from workflow.model.bodies import Bodies, step_bound
+from workflow.model.bodies import Bodies, InternalForce
 from workflow.model.geometry import domain_of
-from workflow.model.supports import Supports, attach, dead_load, nodes_of, supports
+from workflow.model.loads import dead_load, drive_torque, mass_damping
+from workflow.model.state import Item, State
+from workflow.model.step import step_bound
+from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
-from workflow.scene.scene import Scene
-from workflow.simulation.progress import Clock
-from workflow.simulation.stepping import State
+from workflow.scene import Scene, SceneError
 
 if TYPE_CHECKING:
     from contact import ContactPair
     from contact.friction import Law as FrictionLaw
-    from workflow.simulation.prescribed import Hold
-    from workflow.simulation.sampling import Sampling
 
-Array = npt.NDArray[np.float64]
+Log = Callable[[str], Any]
 
 
 @dataclass
@@ -45,13 +41,14 @@ class Model:
         state: Displacement, velocity, acceleration.
         mass: Lumped mass of every local dof [kg].
         bodies: Materials, laws and forms of the bodies.
-        internal: Kernel of minus the internal force.
-        viscosity: Bulk viscosity, if a body has it.
-        strain_energy, hourglass_energy: Their integrals [J].
-        loads: Callables of the step, in order.
-        pairs: Contact pairs by name.
+        items: What acts in a step, in order, the internal force first
+            (:class:`workflow.model.state.Item`); what the scene does not name is not there.
+        supports: Held directions.
+        hold: What imposes them and prescribed motion on an acceleration; the supports, or more.
         dt, dt_bound: Step and its bound [s].
-        own_laws: Laws that are not the scene's: the name of each by body or contact.
+        placement: Where wheel and rail stand, if the scene has them.
+        own_laws: Laws and items that are not the scene's: the name of each by body, contact or
+            place in the list.
     """
 
     scene: Scene
@@ -59,95 +56,38 @@ class Model:
     state: State
     mass: la.Vector
     bodies: Bodies
-    dead: DeadLoad
-    dt_bound: float
-    dt: float
-    internal: "InternalForce"
-    strain_energy: CellIntegral
+    items: list[Any]
     supports: Supports
-    hourglass_energy: CellIntegral | None = None
-    viscosity: "InternalForce | None" = None
-    pairs: dict[str, "ContactPair"] = field(default_factory=dict)
-    connections: Connections | None = None
-    damping: MassDamping | None = None
-    drive: DriveTorque | None = None
-    drives: "Hold | None" = None
-    sampling: "Sampling | None" = None
+    hold: Callable[[la.Vector], None]
+    dt: float
+    dt_bound: float
     placement: Any = None
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
-    def loads(self) -> list[Callable[[State, la.Vector], None]]:
-        """The loads of a step beside the dead ones; what the scene does not name is not there."""
-        pairs = (pair for pair in self.pairs.values() if not pair.last)
-        named = [self.viscosity, self.damping, self.drive, self.connections, *pairs]
-        return [x.add for x in (self.internal, *named) if x is not None]
+    def internal(self) -> InternalForce:
+        """The internal force of all bodies."""
+        return next(item for item in self.items if isinstance(item, InternalForce))
 
     @property
-    def last(self) -> list[Callable[[State, la.Vector], None]]:
-        """The loads that need the sum of all others: constraints of contact, supports before them.
-
-        What supports hold must not be foreseen to move.
-        """
-        pairs = [pair.add for pair in self.pairs.values() if pair.last]
-        return [lambda state, force: self.supports(force), *pairs] if pairs else []
-
-    def phase_of(self, add: Callable[..., Any]) -> str:
-        """Phase of the run that a load's time counts to."""
-        if add == self.internal.add or (self.viscosity and add == self.viscosity.add):
-            return "internal_force"
-        return "contact" if any(add == pair.add for pair in self.pairs.values()) else "update"
-
-    def body_dofs(self, body: str) -> npt.NDArray[np.int32]:
-        """Return the owned dof blocks of a body."""
-        return nodes_of(self.domain, self.scene.bodies[body].regions)
-
-
-class InternalForce:
-    """Minus the internal force as a load; counts its work only where it dissipates.
-
-    Args:
-        form: Minus the virtual work.
-        space: Space of the displacement.
-        damped: Whether its work is counted [J].
-        precision: Type that is computed with, ``float64`` or ``float32``.
-    """
-
-    def __init__(self, form: Any, space: Any, damped: bool, precision: str) -> None:
-        self.kernel = CellKernel(form, precision)
-        self.work = 0.0
-        index_map = space.dofmap.index_map
-        self._forces = [la.vector(index_map, 3) for _ in range(2)] if damped else []  # now, before
-        self._t: float | None = None
+    def connections(self) -> Connections | None:
+        """Springs, dampers and point masses, if there are such."""
+        return next((item for item in self.items if isinstance(item, Connections)), None)
 
     @property
-    def damped(self) -> bool:
-        """Whether the work is counted."""
-        return bool(self._forces)
-
-    def add(self, state: State, force: la.Vector) -> None:
-        """Add this rank's cells; the work is that of the elastic and viscous stress together."""
-        if not self._forces:
-            self.kernel.add(force)
-            return
-        self._forces.reverse()
-        now, before = self._forces
-        now.array[:] = 0.0
-        self.kernel.add(now)
-        force.array[:] += now.array
-        if self._t is not None:
-            v = state.v.x.array  # what the nodes moved with since then
-            self.work -= (state.t - self._t) / 2 * float(now.array @ v + before.array @ v)
-        self._t = state.t
+    def pairs(self) -> dict[str, "ContactPair"]:
+        """Contact pairs by name."""
+        return {item.name: item for item in self.items if hasattr(item, "footprint")}
 
 
 def build(
     scene: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
-    log: Callable[[str], Any] = lambda line: None,
-    clock: Clock | None = None,
+    log: Log = lambda line: None,
+    phase: Callable[[str], AbstractContextManager[Any]] = nullcontext,
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
+    items: Iterable[Callable[[Model], Item]] = (),
 ) -> Model:
     """Return the model of a scene; every check of the scene against its mesh is made here.
 
@@ -155,22 +95,24 @@ def build(
         scene: The scene.
         comm: Ranks that share it.
         log: Called with lines for the log.
-        clock: Collects the time of meshing and compiling.
+        phase: Called with ``mesh`` and ``compile``: a context that takes their time.
         laws: Material laws of your own by body name, in place of the scene's.
         friction: Friction laws of your own by contact name, in place of the scene's.
+        items: What acts besides, of your own: each is called with the model and returns an item.
 
     Raises:
         SceneError: naming the key that does not fit.
     """
-    clock = clock or Clock()
-    with clock.phase("mesh"):
+    own = {**(laws or {}), **(friction or {})}
+    with phase("mesh"):
         domain, placement = domain_of(scene, comm, log)
-    with clock.phase("compile"):
+    with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         attach(model, friction)
-    model.own_laws = {
-        name: name_of(law) for name, law in {**(laws or {}), **(friction or {})}.items()
-    }
+        for k, make in enumerate(items, 1):
+            model.items.append(make(model))
+            own[f"item {k}"] = make
+    model.own_laws = {name: name_of(law) for name, law in own.items()}
     for line in model.bodies.doubts():
         log(line)
     if reason := model.internal.kernel.engine.reason:
@@ -183,47 +125,68 @@ def build(
 
 
 def name_of(law: Any) -> str:
-    """Return module and name of a law that was given from Python."""
+    """Return module and name of a law or item that was given from Python."""
     law = getattr(law, "residual", law)
     named = law if hasattr(law, "__qualname__") else type(law)
     return f"{named.__module__}.{named.__qualname__}"
 
 
-def compiled(bodies: Bodies, placement: Any, log: Callable[[str], Any]) -> Model:
-    """Return the model with its forms compiled and its step chosen, nothing attached yet."""
+def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
+    """Return the model with its forms compiled and its step chosen; contact is attached later."""
     scene, domain = bodies.scene, bodies.domain
-    V, comm, precision = domain.V, domain.msh.comm, scene.time.precision
+    V = domain.V
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     state.a.array[:] = 0.0
-    entries = scene.bodies.values()
-    densities = {bodies.tags(body): body.material.density for body in entries}
     mass = la.vector(V.dofmap.index_map, 3)
-    mass.array[:] = lumped_mass(V, bodies.dx, densities)
-    u, v, w = state.u, state.v, ufl.TestFunction(V)
-    damped = any(b.stiffness_damping for b in scene.bodies.values())
-    hourglass, viscous = bodies.hourglass_energy(u), bodies.viscous_work(u, v, w)
+    mass.array[:] = bodies.lumped_mass()
     links = connections(scene, domain)
-    held = [*scene.supports, *end_supports(scene), *(d.support for d in scene.driven.values())]
     bound = step_bound(bodies, mass.array, links, log)
     # outputs fall on steps
     per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
     dt = float(scene.time.output_interval / per_output)
+    held = supports(
+        [*scene.supports, *end_supports(scene), *(d.support for d in scene.driven.values())],
+        scene,
+        domain,
+    )
+    items: list[Any] = [*internal_forces(bodies, state)]
+    if scene.gravity is not None or scene.loads:
+        items.insert(1, dead_load(scene, domain))
+    if any(b.mass_damping for b in scene.bodies.values()):
+        items.append(mass_damping(bodies, mass.array, dt))
+    if scene.rolling is not None and scene.rolling.traction_coefficient > 0:
+        items.append(drive_torque(scene, domain, mass.array))
     if links is not None:
         links.dt = dt
-    return Model(
-        scene=scene,
-        domain=domain,
-        state=state,
-        mass=mass,
-        bodies=bodies,
-        dead=DeadLoad(comm, dead_load(scene, domain)),
-        dt_bound=bound,
-        dt=dt,
-        internal=InternalForce(-bodies.internal_work(u, w, v), V, damped, precision),
-        strain_energy=CellIntegral(bodies.strain_energy(u)),
-        hourglass_energy=CellIntegral(hourglass) if hourglass is not None else None,
-        viscosity=InternalForce(-viscous, V, True, precision) if viscous is not None else None,
-        supports=supports(held, scene, domain),
-        connections=links,
-        placement=placement,
-    )
+        items.append(links)
+    return Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, placement)
+
+
+def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
+    """Yield the internal force of all bodies and, if a body has it, that of bulk viscosity."""
+    u, v, w = state.u, state.v, ufl.TestFunction(bodies.domain.V)
+    V, precision = bodies.domain.V, bodies.scene.time.precision
+    stored = {"internal": bodies.strain_energy(u)}
+    if (control := bodies.hourglass_energy(u)) is not None:
+        stored["hourglass"] = control
+    damped = any(b.stiffness_damping for b in bodies.scene.bodies.values())
+    work = bodies.internal_work(u, w, v)
+    yield InternalForce(-work, V, precision, damped=damped, stored=stored)
+    if (viscous := bodies.viscous_work(u, v, w)) is not None:
+        yield InternalForce(-viscous, V, precision, damped=True, stored={})
+
+
+def attach(model: Model, friction: "Mapping[str, FrictionLaw] | None" = None) -> None:
+    """Attach the contact pairs that the scene names; ``friction`` laws by pair in place of its own.
+
+    The contact package is imported here, for scenes that have contact.
+    """
+    contacts, own = model.scene.contacts, dict(friction or {})
+    if unknown := sorted(own.keys() - contacts):
+        raise SceneError(f"friction = {unknown}: expected contacts of {list(contacts)}")
+    if not contacts:
+        return
+    from workflow.model.contacts import pair
+
+    for name in contacts:
+        model.items.append(pair(model.bodies, name, model.mass.array, model.dt, own.get(name)))

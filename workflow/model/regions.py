@@ -1,14 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Surfaces of a domain by name: their facets, nodes and areas, alike on every rank."""
+"""Regions and surfaces by name: the body of each region, facets and nodes of a surface."""
 
 import numpy as np
-import numpy.typing as npt
 
-from forms.loads import nodal_traction
+from meshes.arrays import Index
 from meshes.domain import Domain
+from meshes.hexmesh import HexMesh
+from workflow.scene import Scene
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+
+def owners(scene: Scene) -> dict[str, str]:
+    """Return the body of each region of a scene, by the region's name in lower case."""
+    return {r.lower(): name for name, body in scene.bodies.items() for r in body.regions}
+
+
+def body_at(scene: Scene, mesh: HexMesh, node: int) -> str:
+    """Return the name of the body that a mesh node belongs to."""
+    return owners(scene)[mesh.region_at(node)]
+
+
+def place(domain: Domain, scene: Scene, dof: int) -> str:
+    """Return in words which body and node an owned dof block belongs to, and where it is."""
+    mesh, node = domain.source, int(domain.nodes[dof])
+    region = mesh.region_at(node)
+    x, y, z = mesh.points[node]
+    return (
+        f"body {owners(scene)[region]!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, "
+        f"z = {z:.5f} m"
+    )
 
 
 def facets(domain: Domain, surface: str) -> Index:
@@ -19,10 +38,3 @@ def facets(domain: Domain, surface: str) -> Index:
 def surface_nodes(domain: Domain, surface: str) -> Index:
     """Return the mesh nodes of a surface, ascending."""
     return np.unique(facets(domain, surface))
-
-
-def area_shares(domain: Domain, quads: Index) -> tuple[Index, Array]:
-    """Return the nodes of facets and their shares of the area, which sum to 1, shape ``(k,)``."""
-    area = nodal_traction(domain.source.points, quads, np.array([1.0, 0.0, 0.0]))[:, 0]
-    nodes = np.unique(quads)
-    return nodes, np.asarray(area[nodes] / area.sum())

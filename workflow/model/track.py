@@ -1,29 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Springs, dampers and point masses of a scene: pads, sleepers, ballast, suspension, dashpots."""
+"""Track and suspension of a scene: springs, dampers, dashpots and point masses."""
 
 from typing import TYPE_CHECKING
 
-from mpi4py import MPI
-
 import numpy as np
-import numpy.typing as npt
 
 from forms.springs.connections import Connections, Link, Mean, PointMasses, Spread
 from forms.springs.dashpots import Dashpots, absorbing
 from forms.springs.node_to_facet import Between
+from meshes.arrays import Array, Index
 from meshes.domain import Domain
 from meshes.formats.conform import faces_on
+from meshes.quads import area_shares
 from meshes.wheel_rail import seats, sleepers
-from workflow.model.regions import area_shares, facets, surface_nodes
+from workflow.model.regions import facets, owners, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
 
 if TYPE_CHECKING:
-    from workflow.model.model import Model
+    pass
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Seat = tuple[Index, Array]
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -93,7 +90,7 @@ def mean(
     domain: Domain, surface: str, point: int, stiffness: Array, damping: Array, masses: PointMasses
 ) -> Mean:
     """Return a spring and damper between the mean motion of a surface and a point mass."""
-    nodes, share = area_shares(domain, facets(domain, surface))
+    nodes, share = area_shares(domain.source.points, facets(domain, surface))
     dofs = domain.local_dofs(nodes)
     here = dofs >= 0
     return Mean(domain.msh.comm, dofs[here], share[here], point, stiffness, damping, masses)
@@ -168,7 +165,8 @@ def ballast(track: Track, domain: Domain, masses: PointMasses) -> Spread:
     """Return the ballast as vertical springs and dampers over the underside of each sleeper."""
     assert track.sleeper_bottom is not None
     below = [
-        area_shares(domain, part) for part in seats.parts(facets(domain, track.sleeper_bottom))
+        area_shares(domain.source.points, part)
+        for part in seats.parts(facets(domain, track.sleeper_bottom))
     ]
     nodes, share = (np.concatenate(x) for x in zip(*below, strict=True))
     dofs = domain.local_dofs(nodes)
@@ -206,41 +204,5 @@ def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
         return set()
     mesh, on = domain.source, np.zeros(len(domain.source.points), dtype=bool)
     on[surface_nodes(domain, scene.track.sleeper_top)] = True
-    regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
-    return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
-
-
-def follow(model: "Model") -> None:
-    """Give each sleeper the mean vertical velocity of the rail over its seat, in place.
-
-    Under a travelling load the rail sinks ahead of it and rises behind; sleepers at rest would be
-    struck through the stiff pads.
-    """
-    track, domain, scene = model.scene.track, model.domain, model.scene
-    if track is None:
-        return
-    v, mesh = model.state.v.x.array.reshape(-1, 3), domain.source
-    if track.sleeper_top is None:
-        assert model.connections is not None
-        speeds = sinking(domain, seats_of_points(track, domain), v)
-        model.connections.masses.v[: len(speeds), 2] = speeds
-        return
-    tops = seats.parts(facets(domain, track.sleeper_top))
-    under = [seat(track, domain, middle(mesh.points[top])) for top in tops]
-    tags = [tag for body in sleeper_bodies(scene, domain) for tag in scene.bodies[body].regions]
-    number = np.full(len(mesh.points), -1)
-    for k, part in enumerate(seats.parts(mesh.cells[np.isin(mesh.regions, mesh.tags(tags))])):
-        number[part] = k
-    for top, speed in zip(tops, sinking(domain, under, v), strict=True):
-        dofs = domain.local_dofs(np.flatnonzero(number == number[top[0, 0]]))
-        v[dofs[dofs >= 0], 2] = speed
-
-
-def sinking(domain: Domain, under: list[Seat], v: Array) -> Array:
-    """Return the mean vertical velocity of the rail on each seat, shape ``(s,)`` [m/s]."""
-    speeds = np.zeros(len(under))
-    for i, (nodes, share) in enumerate(under):
-        dofs = domain.local_dofs(nodes)
-        speeds[i] = share[dofs >= 0] @ v[dofs[dofs >= 0], 2]
-    domain.msh.comm.Allreduce(MPI.IN_PLACE, speeds)
-    return speeds
+    regions, body_of = np.unique(mesh.regions[on[mesh.cells].any(axis=1)]), owners(scene)
+    return {body_of[mesh.name(int(tag))] for tag in regions}

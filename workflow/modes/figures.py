@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
-from workflow.figures.style import Array
 from workflow.figures.view3d import Frame, volume
 from workflow.modes.labels import RIGID, Mode
 from workflow.modes.modes import Modes, title

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 ORDERS = 24  # highest number of nodal diameters that is looked for
 PATCH = 0.015  # edge of a patch of the section where nodes do not lie in rings [m]

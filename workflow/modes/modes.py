@@ -5,7 +5,7 @@ import csv
 import json
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
@@ -15,9 +15,9 @@ from mpi4py import MPI
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 import tomli_w
 
+from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
 from meshes.tags import Tag
 from workflow.model.bodies import Bodies
@@ -25,12 +25,10 @@ from workflow.modes.labels import Mode, cylindrical, labelled
 from workflow.modes.part import BORE, WHEEL, Part, held_dofs, part_of
 from workflow.modes.solve import Spectrum, nodal_mass, spectrum, stiffness
 from workflow.results.fields import write_mesh
-from workflow.results.writer import gather
+from workflow.results.table import Column, Table
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.run import checked
-
-Array = npt.NDArray[np.float64]
 
 FOURIER = "wheel_modes_fourier.csv"
 
@@ -121,8 +119,8 @@ def told_apart(part: Part, found: Spectrum, mass: Array) -> tuple[list[Mode], Ar
         mass: Lumped mass of those, shape ``(owned,)`` [kg].
     """
     domain = part.domain
-    nodal = gather(domain, np.repeat(mass, 3))[:, 0]
-    shapes = np.array([gather(domain, shape.ravel()) for shape in found.shapes])
+    nodal = domain.gather(np.repeat(mass, 3))[:, 0]
+    shapes = np.array([domain.gather(shape.ravel()) for shape in found.shapes])
     labels: list[Mode] = []
     if domain.msh.comm.rank == 0:
         labels, shapes = labelled(
@@ -243,50 +241,39 @@ def title(mode: Mode, width: int = 0) -> str:
     return " ".join(words)
 
 
-def show(summary: dict[str, Any], console: Any) -> None:
-    """Print the table of the modes, one row for each pair."""
-    from rich import box
-    from rich.table import Table
-
+def printout(summary: dict[str, Any]) -> Iterator[Table]:
+    """Yield the table of the modes as ``modes.json`` has them, one row for each pair."""
     rows = [r for r in summary["modes"] if not (r["partner"] and r["partner"] < r["number"])]
     shares = list(rows[0]["shares"])
-    wheel, beside = "axial" in shares, bool(summary["independent"])
     columns = [
-        "mode",
-        "Hz",
-        "motion",
-        *["n, m"] * wheel,
-        "/".join(name[:3] for name in shares) + " %",
+        Column("mode", lambda r: f"{r['number']}, {r['partner']}" if r["partner"] else r["number"]),
+        Column("Hz", "frequency", ".1f"),
+        Column("motion", lambda r: r["kind"].replace("umferential", "."), words=True),
     ]
-    columns += ["split %"] * wheel + ["indep.", "off %"] * beside
-    told = f"{summary['scene']}: {summary['part']}, {summary['held'].replace('_', ' ')}"
-    table = Table(title=told, box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in columns:
-        table.add_column(name, justify="left" if name == "motion" else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*words(row, wheel, beside))
-    console.print(table)
-    if beside:
-        console.print(f"indep.: Hz of {summary['independent']}")
+    share = Column("/".join(name[:3] for name in shares) + " %", _shares)
+    if "axial" in shares:  # a wheel
+        columns += [Column("n, m", _waves), share, Column("split %", "split", ".3f", factor=100)]
+    else:
+        columns.append(share)
+    if summary["independent"]:
+        columns += [Column("indep.", "independent", ".1f"), Column("off %", _off, "+.2f")]
+    title = f"{summary['scene']}: {summary['part']}, {summary['held'].replace('_', ' ')}"
+    beside = f"indep.: Hz of {summary['independent']}" if summary["independent"] else ""
+    yield Table(title, columns, rows, beside)
 
 
-def words(row: dict[str, Any], wheel: bool, beside: bool) -> list[str]:
-    """Return a row of the table.
+def _shares(row: dict[str, Any]) -> str:
+    return "/".join(f"{100 * share:.0f}" for share in row["shares"].values())
 
-    Args:
-        row: A mode as in ``modes.json``.
-        wheel: Whether it has an axle.
-        beside: Whether there are independent values.
-    """
-    partner, n, split, f = (row[k] for k in ("partner", "diameters", "split", "independent"))
-    number = f"{row['number']}, {partner}" if partner else str(row["number"])
-    cells = [number, f"{row['frequency']:.1f}", row["kind"].replace("umferential", ".")]
-    cells += ["" if n is None else f"{n}, {_circles(row['circles'])}"] * wheel
-    cells += ["/".join(f"{100 * share:.0f}" for share in row["shares"].values())]
-    cells += ["" if split is None else f"{100 * split:.3f}"] * wheel
-    if beside:
-        cells += ["", ""] if f is None else [f"{f:.1f}", f"{100 * (row['frequency'] / f - 1):+.2f}"]
-    return cells
+
+def _waves(row: dict[str, Any]) -> str | None:
+    return None if row["diameters"] is None else f"{row['diameters']}, {_circles(row['circles'])}"
+
+
+def _off(row: dict[str, Any]) -> float | None:
+    """Return how far a frequency is off the independent one [%]."""
+    f = row["independent"]
+    return None if f is None else 100 * (row["frequency"] / f - 1)
 
 
 def _circles(m: int | None) -> str:

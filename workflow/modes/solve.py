@@ -19,12 +19,10 @@ from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix
 
 from forms.kernel import compiled
-from forms.mass import lumped_mass
+from meshes.arrays import Array
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies
 from workflow.scene.scene import SceneError
-
-Array = npt.NDArray[np.float64]
 
 # petsc4py's stubs take this number for something else
 SYMMETRIC: Any = PETSc.Mat.Option.SYMMETRIC
@@ -64,9 +62,7 @@ def stiffness(bodies: Bodies) -> PETSc.Mat:
 
 def nodal_mass(bodies: Bodies) -> Array:
     """Return the lumped mass of the owned nodes, shape ``(owned,)`` [kg]."""
-    entries = bodies.scene.bodies.values()
-    densities = {bodies.tags(body): body.material.density for body in entries}
-    return lumped_mass(bodies.domain.V, bodies.dx, densities)[::3][: bodies.domain.owned]
+    return bodies.lumped_mass()[::3][: bodies.domain.owned]
 
 
 def spectrum(

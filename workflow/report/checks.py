@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from contact.surface import cell_volumes
+from meshes.quality import cell_volumes
 from workflow.report.tables import number
 from workflow.results.record import Contact, Record
 from workflow.theory.closed_forms import applied
@@ -136,5 +136,5 @@ def weight_on_rail(record: Record) -> float | None:
     wheelset = scene.bodies[scene.rolling.body]
     for region in wheelset.regions:
         cells = body.cells[body.regions == numbers[region.lower()]]
-        mass += wheelset.material.density * float(cell_volumes(body.points[cells]).sum())
+        mass += wheelset.material.density * float(cell_volumes(body.points, cells).sum())
     return -scene.gravity[2] * mass

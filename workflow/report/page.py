@@ -5,7 +5,6 @@ The page is a single HTML file that holds its pictures; it needs no network and 
 """
 
 import base64
-import inspect
 import itertools
 import json
 import shlex
@@ -18,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from workflow.figures import gallery
-from workflow.figures.captions import caption
 from workflow.report.checks import Check, checks
 from workflow.report.tables import (
     contact_tables,
@@ -31,6 +29,7 @@ from workflow.report.tables import (
 )
 from workflow.results import atomic
 from workflow.results.record import Record
+from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
 
 LINES = 200  # of the log that are shown at either end
@@ -171,22 +170,20 @@ def embedded(path: Path, number: int) -> dict[str, Any]:
     """Return a picture as a data address with its number and caption."""
     data = base64.b64encode(path.read_bytes()).decode()
     address = f"data:{KINDS[path.suffix]};base64,{data}"
-    said = inspect.getdoc(getattr(gallery, path.stem, None)) or ""
-    words = caption(path.stem, " ".join(said.partition("\n\n")[0].split()))
-    return {"number": number, "name": path.stem, "address": address, "caption": words}
+    caption = gallery.caption(path.stem)
+    return {"number": number, "name": path.stem, "address": address, "caption": caption}
 
 
 def render(shown: dict[str, Any]) -> str:
     """Return the page; everything that is put into it is escaped."""
     from jinja2 import Environment, StrictUndefined, select_autoescape
-    from markupsafe import Markup, escape
 
     environment = Environment(
-        autoescape=select_autoescape(default=True), undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    # a key may be broken after an underscore; no character is added to what is copied
-    environment.filters["breakable"] = lambda key: escape(key).replace("_", Markup("_<wbr>"))
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     text = (resources.files("workflow.report") / "template.html").read_text("utf-8")
     return environment.from_string(text).render(**shown)
 
@@ -212,30 +209,6 @@ def _same(name: str, changes: dict[str, Any], tables: dict[str, Any]) -> bool:
         return Scene.load(name, **changes).tables() == tables
     except SceneError:
         return False
-
-
-def differences(base: dict[str, Any], other: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the values by dotted key that make ``other`` of ``base``; None if keys would go.
-
-    Values that the options of a command cannot hold, lists of tables, make it None as well.
-    """
-    changes: dict[str, Any] = {}
-    if set(base) - set(other):
-        return None
-    for key, value in other.items():
-        if key in base and base[key] == value:
-            continue
-        if isinstance(value, dict):
-            inner = base.get(key, {})
-            below = differences(inner, value) if isinstance(inner, dict) else None
-            if below is None:
-                return None
-            changes |= {f"{key}.{k}": v for k, v in below.items()}
-        elif isinstance(value, list) and any(isinstance(v, dict) for v in value):
-            return None
-        else:
-            changes[key] = value
-    return changes
 
 
 def how_to_resume(folder: Path, summary: dict[str, Any]) -> str | None:

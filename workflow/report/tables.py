@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The tables of a report: settings, model, patches, events, energies, seconds."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import h5py
 import numpy as np
 
-from workflow.results.record import Patch, Record
+from workflow.results.record import PatchNodes, Record
+from workflow.results.table import PAIRS, Column, Table
+from workflow.scene.keys import flat, is_tables
 from workflow.scene.scene import Scene
 from workflow.scene.units import unit_of
 from workflow.simulation.energy import Energy
 
+DEGREES = float(np.degrees(1.0))  # in a radian
 ROWS = 150  # of a table of outputs; left out evenly beyond
 STEPPING = ("internal_force", "contact", "update", "output")
 KNOWN = {
@@ -20,25 +24,6 @@ KNOWN = {
     "dt_bound", "wall_seconds", "seconds_per_phase", "element_updates_per_second", "energy",
     "contacts",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of a report.
-
-    Attributes:
-        title: What it shows.
-        head: Names of the columns, with units.
-        rows: Cells as text.
-        note: A remark below it.
-        words: Columns of words, set flush left; the others are numbers.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    note: str = ""
-    words: tuple[int, ...] = field(default=(0,))
 
 
 def number(value: float, digits: int = 4, *, zeros: bool = False) -> str:
@@ -77,6 +62,9 @@ def thousands(value: float) -> str:
     return f"{int(value):,}".replace(",", "\u202f")
 
 
+SETTING = tuple(Column(head, k, words=True) for k, head in enumerate(("key", "value", "unit")))
+
+
 def settings(scene: Scene) -> list[Table]:
     """Return every key of a resolved scene with its unit, one table for each table of the scene."""
     tables = scene.tables()
@@ -87,39 +75,25 @@ def settings(scene: Scene) -> list[Table]:
         if not _nested(value):
             continue
         several = isinstance(value, list) or key in ("bodies", "contacts", "driven")
-        inner = _items(value) if several else [("", value)]
-        groups |= {f"{key}.{name}".removesuffix("."): table for name, table in inner}
+        entries = dict(enumerate(value)) if isinstance(value, list) else value
+        groups |= {f"{key}.{n}": table for n, table in entries.items()} if several else {key: value}
     found = []
     for name, table in groups.items():
-        above = [] if name == "scene" else name.split(".")
-        rows = [_setting(above, keys, value) for keys, value in _leaves([], table)]
-        found.append(Table(name, ("key", "value", "unit"), rows, words=(0, 1, 2)))
+        above = "" if name == "scene" else f"{name}."
+        leaves = [(key, value) for key, value in flat(table, lists=True) if value != {}]
+        rows = [(key, _plain(value), _unit(above + key)) for key, value in leaves]
+        found.append(Table(name, SETTING, rows))
     return [table for table in found if table.rows]
 
 
-def _items(value: Any) -> list[tuple[str, Any]]:
-    return list(value.items()) if isinstance(value, dict) else [
-        (str(k), v) for k, v in enumerate(value)
-    ]  # fmt: skip
-
-
 def _nested(value: Any) -> bool:
-    return isinstance(value, dict) or (
-        isinstance(value, list) and any(isinstance(v, dict) for v in value)
-    )
+    return isinstance(value, dict) or is_tables(value)
 
 
-def _leaves(keys: list[str], value: Any) -> Iterator[tuple[list[str], Any]]:
-    if not _nested(value):
-        yield keys, value
-        return
-    for key, inner in _items(value):
-        yield from _leaves([*keys, key], inner)
-
-
-def _setting(above: list[str], keys: list[str], value: Any) -> tuple[str, ...]:
-    unit = unit_of(Scene, [*above, *keys]).replace("^2", "²").replace("^3", "³")
-    return ".".join(keys), _plain(value), "" if unit == "-" else unit
+def _unit(key: str) -> str:
+    """Return the unit of a key of a scene, empty for a pure number."""
+    unit = unit_of(Scene, key.split(".")).replace("^2", "²").replace("^3", "³")
+    return "" if unit == "-" else unit
 
 
 def _plain(value: Any) -> str:
@@ -160,17 +134,17 @@ def model_table(record: Record, summary: dict[str, Any]) -> Table:
                   for r in np.unique(body.regions)}  # fmt: skip
         each = ", ".join(f"{n.replace('_', ' ')} {thousands(c)}" for n, c in counts.items())
         rows.append(("cells of each region", each))
-    return Table("Model and computation", ("", ""), rows, words=(0, 1))
+    return Table("Model and computation", PAIRS, rows)
 
 
 def other_table(summary: dict[str, Any]) -> Table | None:
     """Return whatever else a run tells in its summary, e.g. memory or laws of the user's own."""
     rows: list[tuple[str, ...]] = [
-        (".".join(keys).replace("_", " "), _plain(value))
-        for key in summary.keys() - KNOWN
-        for keys, value in _leaves([key], summary[key])
+        (key.replace("_", " "), _plain(value))
+        for key, value in flat({k: v for k, v in summary.items() if k not in KNOWN}, lists=True)
+        if value != {}
     ]
-    return Table("Further", ("", ""), sorted(rows), words=(0, 1)) if rows else None
+    return Table("Further", PAIRS, sorted(rows)) if rows else None
 
 
 def phase_table(summary: dict[str, Any]) -> Table | None:
@@ -179,12 +153,21 @@ def phase_table(summary: dict[str, Any]) -> Table | None:
     if not seconds:
         return None
     total = sum(seconds.values())
-    rows: list[tuple[str, ...]] = [
-        (phase.replace("_", " "), f"{s:.2f}", f"{100 * s / total:.1f}" if total else "–")
-        for phase, s in seconds.items()
-    ]
+    columns = (
+        Column("phase", lambda row: row[0].replace("_", " "), words=True),
+        Column("time", 1, ".2f", "s"),
+        Column("share", lambda row: row[1] / total if total else "–", ".1f", "%", 100),
+    )
     note = "Phases from internal force on are the time loop. Seconds are those of rank 0."
-    return Table("Where the time went", ("phase", "time [s]", "share [%]"), rows, note)
+    return Table("Where the time went", columns, list(seconds.items()), note)
+
+
+ENERGY = (
+    Column("term", 0, words=True),
+    Column("start", 1, partial(number, digits=6, zeros=True), "J"),
+    Column("end", 2, partial(number, digits=6, zeros=True), "J"),
+    Column("change", lambda row: row[2] - row[1], partial(number, zeros=True), "J"),
+)
 
 
 def energy_table(record: Record) -> Table | None:
@@ -193,19 +176,14 @@ def energy_table(record: Record) -> Table | None:
     if not len(history.get("t", ())):
         return None
     terms = [f.name for f in fields(Energy) if f.name in history]
-    rows = [
-        (k.replace("_", " "), *(number(v, 6, zeros=True) for v in history[k][[0, -1]]),
-         number(history[k][-1] - history[k][0], 4, zeros=True))
-        for k in terms
-    ]  # fmt: skip
+    rows = [(k.replace("_", " "), *history[k][[0, -1]]) for k in terms]
     worst = float(np.max(np.abs(history["balance_error"])))
     note = (
         "Dissipations and works are sums since the start. Contact normal and contact tangential "
         "are parts of contact. The largest balance error of all outputs, the change of the sum "
         f"less external work over the largest energy exchanged, is {number(worst, 3)}."
     )
-    head = ("term", "start [J]", "end [J]", "change [J]")
-    return Table("Energy ledger", head, rows, note)
+    return Table("Energy ledger", ENERGY, rows, note)
 
 
 def contact_tables(record: Record) -> list[Table]:
@@ -215,55 +193,84 @@ def contact_tables(record: Record) -> list[Table]:
 
 def _contact_table(record: Record, name: str) -> Table:
     contact = record.contacts[name]
-    outputs = [(t, k, p) for t, o in zip(contact.t, contact.patches, strict=True)
-               for k, p in o.items()]  # fmt: skip
+    outputs = [
+        (t, place, patch)
+        for t, patches in zip(contact.t, contact.patches, strict=True)
+        for place, patch in patches.items()
+    ]
     stride = -(-len(outputs) // ROWS)
-    rows = [_patch_row(t, k, p) for t, k, p in outputs[::stride]]
-    place = "Patch 1 lies on the rail top, patch 2 on the gauge corner. " if record.wheel_on_rail \
-        else "Patch 2 is steeper than 45°. "  # fmt: skip
+    place = "Patch 2 is steeper than 45°. "
+    if record.wheel_on_rail:
+        place = "Patch 1 lies on the rail top, patch 2 on the gauge corner. "
     note = place + (
         "Contact angle: of the normal resultant to the vertical. θ: from the negative longitudinal "
         "axis to the mean shear on the lower body. Stress: nodal force over tributary area."
     )
     note += f" Every {stride}th row is shown." if stride > 1 else ""
-    head = ("t [ms]", "patch", "normal [kN]", "tangential [kN]", "angle [°]", "area [mm²]", "nodes",
-            "adhering", "largest pressure [MPa]", "mean shear [MPa]", "θ [°]")  # fmt: skip
-    return Table(f"Contact {name} at each output", head, rows, note, ())
+    return Table(f"Contact {name} at each output", PATCH, outputs[::stride], note)
 
 
-def _patch_row(t: float, place: int, p: Patch) -> tuple[str, ...]:
-    shear = np.hypot(p.longitudinal_shear, p.lateral_shear) / 1e6
-    forces = (p.normal_force / 1e3, p.tangential_force / 1e3)
-    pressure = float((p.pressing / p.areas).max()) / 1e6
-    return (
-        f"{t * 1e3:.4f}", str(place), *(number(v, zeros=True) for v in forces),
-        f"{p.angle:.2f}", number(p.area * 1e6, zeros=True), str(len(p.areas)),
-        str(int(p.stick.sum())), number(pressure, zeros=True),
-        number(shear, 3, zeros=True), number(round(p.shear_angle, 1) if shear else np.nan),
-    )  # fmt: skip
+def _of_patch(
+    head: str, of: Callable[[PatchNodes], float], show: Any, unit: str = "", factor: float = 1
+) -> Column:
+    """Return a column of rows (time, place, patch)."""
+    return Column(head, lambda row: of(row[2]), show, unit, factor)
+
+
+def _mean_shear(patch: PatchNodes) -> float:
+    return float(np.hypot(patch.longitudinal_shear, patch.lateral_shear))
+
+
+def _theta(patch: PatchNodes) -> float:
+    """Return the shear angle to a tenth of a degree, NaN without shear."""
+    return round(DEGREES * patch.shear_angle, 1) if _mean_shear(patch) else np.nan
+
+
+LONG = partial(number, zeros=True)
+PATCH = (
+    Column("t", 0, ".4f", "ms", 1e3),
+    Column("patch", 1),
+    _of_patch("normal", lambda p: p.normal_force, LONG, "kN", 1e-3),
+    _of_patch("tangential", lambda p: p.tangential_force, LONG, "kN", 1e-3),
+    _of_patch("angle", lambda p: p.contact_angle, ".2f", "°", DEGREES),
+    _of_patch("area", lambda p: p.area, LONG, "mm²", 1e6),
+    _of_patch("nodes", lambda p: len(p.areas), ""),
+    _of_patch("adhering", lambda p: int(p.stick.sum()), ""),
+    _of_patch("largest pressure", lambda p: p.pressure.max(), LONG, "MPa", 1e-6),
+    _of_patch("mean shear", _mean_shear, partial(number, digits=3, zeros=True), "MPa", 1e-6),
+    _of_patch("θ", _theta, number, "°"),
+)
 
 
 def event_table(record: Record) -> Table | None:
     """Return births, ends, splits and merges of patches as the run told them."""
-    rows: list[tuple[str, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     with h5py.File(record.folder / "results.h5", "r", locking=False) as file:
         for name, group in file.get("patches", {}).items():
             events = group.get("events", {})
             if "t" in events:
-                columns = (events[k][:] for k in ("t", "kind", "patch", "other"))
-                rows += [_event(name, *row) for row in zip(*columns, strict=True)]
+                columns = (events[k][:] for k in ("t", "patch", "kind", "other"))
+                rows += [(name, *row) for row in zip(*columns, strict=True)]
     if not rows:
         return None
     note = (
         "Here patches are counted from 0 in the order of their birth, wherever they lie; one that "
         "is taken up ends."
     )
-    shown: Sequence[tuple[str, ...]] = rows[:ROWS]
-    return Table("What became of the patches", ("t [ms]", "contact", "patch", "event"),
-                 list(shown), note, (1, 3))  # fmt: skip
+    return Table("What became of the patches", EVENT, rows[:ROWS], note)
 
 
-def _event(name: str, t: float, kind: bytes, patch: int, other: int) -> tuple[str, ...]:
+def _became(row: tuple[Any, ...]) -> str:
+    """Return in words what became of a patch."""
+    kind, other = row[3], row[4]
     word = kind.decode() if isinstance(kind, bytes) else str(kind)
-    told = {"split": f"broke off patch {other}", "merge": f"taken up by patch {other}"}
-    return f"{t * 1e3:.4f}", name, str(int(patch)), told.get(word, word)
+    words = {"split": f"broke off patch {other}", "merge": f"taken up by patch {other}"}
+    return words.get(word, word)
+
+
+EVENT = (
+    Column("t", 1, ".4f", "ms", 1e3),
+    Column("contact", 0, words=True),
+    Column("patch", 2),
+    Column("event", _became, words=True),
+)

@@ -14,10 +14,12 @@ import numpy.typing as npt
 
 from meshes.hexmesh import HexMesh
 from workflow.results.atomic import changing
+from workflow.results.columns import create
 
 FIELDS = ("displacement", "velocity")
 HEXAHEDRON = 12  # VTK cell type
 CHUNK = 65536  # most rows written at once
+ROWS = 512  # steps that are stored together
 
 
 class FieldWriter:
@@ -121,22 +123,17 @@ def write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
 
 def _open_steps(root: h5py.Group, nodes: int) -> None:
     """Make the empty, growing datasets of the time steps."""
-
-    def growing(name: str, dtype: type, columns: tuple[int, ...] = (), rows: int = 512) -> None:
-        shape, chunks = (0, *columns), (rows, *columns)
-        root.create_dataset(name, shape, dtype, maxshape=(None, *columns), chunks=chunks)
-
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = 0
-    growing("Steps/Values", np.float64)
+    create(root, "Steps/Values", (), np.float64, ROWS)
     # where each step starts in the static mesh: always at zero, the fill value
     for name in ("PartOffsets", "NumberOfParts", "PointOffsets", "CellDataOffsets/region"):
-        growing(f"Steps/{name}", np.int64)
+        create(root, f"Steps/{name}", (), np.int64, ROWS)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        growing(f"Steps/{name}", np.int64, columns=(1,))
+        create(root, f"Steps/{name}", (1,), np.int64, ROWS)
     for name in FIELDS:
-        growing(f"PointData/{name}", np.float32, columns=(3,), rows=min(nodes, CHUNK))
-        growing(f"Steps/PointDataOffsets/{name}", np.int64)
+        create(root, f"PointData/{name}", (3,), np.float32, min(nodes, CHUNK))
+        create(root, f"Steps/PointDataOffsets/{name}", (), np.int64, ROWS)
 
 
 def _resize(root: h5py.Group, steps: int, nodes: int) -> None:

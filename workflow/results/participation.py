@@ -21,14 +21,11 @@ from typing import Any
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from workflow.results.samples import PairSamples, Samples
 from workflow.results.spectra import filtering, turned
 from workflow.scene.scene import Scene, SceneError
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 FAR = 0.02  # of the size of a part: contact farther from it is not its own
 RIGID = 1.0  # Hz: slower is no vibration
@@ -205,7 +202,9 @@ def participation(
     used, row = np.unique(pair.node, return_inverse=True)
     shapes = at_points(modes, (pair.reference(used) - centre) @ axes)
     sample = pair.sample
-    force = turned(pair.pressing + pair.traction, samples.t[sample], samples.spin) @ axes
+    force = (
+        turned(pair.normal_forces + pair.tangential_forces, samples.t[sample], samples.spin) @ axes
+    )
     generalised = np.array(
         [
             np.bincount(sample, np.einsum("ri,ri->r", shape[row], force), len(samples.t))

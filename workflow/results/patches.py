@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run writes of each contact patch at each output: a table, and the list of events."""
+"""Patch table of a result folder: a row for each patch and output, and the list of events."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
+from workflow.results.columns import extend
 from workflow.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -15,8 +18,8 @@ if TYPE_CHECKING:
     from contact.footprint import Footprint, Patch
     from contact.patches import Event
 
-Array = npt.NDArray[np.float64]
 Cell = float | Array
+CHUNK = 256  # rows of the table that are stored together
 
 
 @dataclass(frozen=True)
@@ -101,34 +104,22 @@ def append_patches(
     motion: "Sequence[Creepage]",
 ) -> None:
     """Add a row for each patch to the table in an HDF5 group."""
-    rows = len(identity)
-    _extend(group, "output", np.full(rows, output), "1", "number of the output")
-    _extend(group, "t", np.full(rows, t), "s", "time")
-    _extend(group, "patch", identity, "1", "identity of the patch")
+    add, rows = partial(extend, group, chunk=CHUNK), len(identity)
+    add("output", np.full(rows, output), "1", "number of the output")
+    add("t", np.full(rows, t), "s", "time")
+    add("patch", identity, "1", "identity of the patch")
     for name, column in COLUMNS.items():
         pairs = zip(footprint.patches, motion, strict=True)
         values = np.array([column.value(p, c) for p, c in pairs], dtype=np.float64)
         if rows:
-            _extend(group, name, values, column.unit, column.about)
+            add(name, values, column.unit, column.about)
 
 
 def append_events(group: Any, events: "Sequence[Event]") -> None:
     """Add events to the table in an HDF5 group."""
+    add = partial(extend, group, chunk=CHUNK)
     about = "birth, end, split (broke off other) or merge (taken up by other)"
-    _extend(group, "t", np.array([e.t for e in events], dtype=np.float64), "s", "time")
-    _extend(group, "patch", np.array([e.patch for e in events], dtype=np.int64), "1", "identity")
-    _extend(group, "other", np.array([e.other for e in events], dtype=np.int64), "1", "or -1")
-    _extend(group, "kind", np.array([e.kind for e in events], dtype="S5"), "", about)
-
-
-def _extend(group: Any, name: str, values: npt.NDArray[Any], unit: str, about: str) -> None:
-    if name not in group:
-        shape = values.shape[1:]
-        data = group.create_dataset(
-            name, (0, *shape), maxshape=(None, *shape), dtype=values.dtype, chunks=(256, *shape)
-        )
-        data.attrs["units"], data.attrs["about"] = unit, about
-    data, n = group[name], len(values)
-    if n:
-        data.resize(len(data) + n, axis=0)
-        data[-n:] = values
+    add("t", np.array([e.t for e in events], dtype=np.float64), "s", "time")
+    add("patch", np.array([e.patch for e in events], dtype=np.int64), "1", "identity")
+    add("other", np.array([e.other for e in events], dtype=np.int64), "1", "or -1")
+    add("kind", np.array([e.kind for e in events], dtype="S5"), "", about)

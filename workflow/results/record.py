@@ -12,25 +12,26 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from contact.footprint import frame_of
+from contact.footprint import contact_angle, frame_of, shear_angle
+from meshes.arrays import Array
 from meshes.tags import NAMES, Tag
 from workflow.scene.scene import Scene
 
-Array = npt.NDArray[np.float64]
-
 RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
-STEEP = 45.0  # contact angle from which on a patch counts as gauge corner [degrees]
+STEEP = np.pi / 4  # contact angle from which on a patch counts as gauge corner [rad]
 
 
 @dataclass(frozen=True)
-class Patch:
+class PatchNodes:
     """Nodes of one patch at one output; normals point, and forces act, on the upper body.
+
+    Resultants as in :class:`contact.footprint.Patch`, of nodes as they were written.
 
     Attributes:
         position: Current positions, shape ``(n, 3)`` [m].
         normal: Unit normals, shape ``(n, 3)``.
-        pressing: Normal forces, shape ``(n,)`` [N].
-        traction: Tangential forces, shape ``(n, 3)`` [N].
+        normal_forces: Normal forces, shape ``(n,)`` [N].
+        tangential_forces: Tangential forces, shape ``(n, 3)`` [N].
         areas: Tributary areas, shape ``(n,)`` [m2].
         friction: Coefficients of friction, shape ``(n,)`` [-].
         stick: Where nodes adhere, shape ``(n,)``.
@@ -38,8 +39,8 @@ class Patch:
 
     position: Array
     normal: Array
-    pressing: Array
-    traction: Array
+    normal_forces: Array
+    tangential_forces: Array
     areas: Array
     friction: Array
     stick: npt.NDArray[np.bool_]
@@ -47,17 +48,22 @@ class Patch:
     @property
     def normal_force(self) -> float:
         """Sum of the normal forces [N]."""
-        return float(self.pressing.sum())
+        return float(self.normal_forces.sum())
 
     @property
     def tangential_force(self) -> float:
         """Size of the vector sum of the tangential forces [N]."""
-        return float(np.linalg.norm(self.traction.sum(axis=0)))
+        return float(np.linalg.norm(self.tangential_forces.sum(axis=0)))
 
     @property
     def vertical_force(self) -> float:
         """Vertical part of all forces [N]."""
-        return float(self.pressing @ self.normal[:, 2] + self.traction[:, 2].sum())
+        return float(self.normal_forces @ self.normal[:, 2] + self.tangential_forces[:, 2].sum())
+
+    @property
+    def pressure(self) -> Array:
+        """Normal force over tributary area, shape ``(n,)`` [Pa]."""
+        return self.normal_forces / self.areas
 
     @property
     def area(self) -> float:
@@ -67,12 +73,12 @@ class Patch:
     @property
     def centre(self) -> Array:
         """Mean position weighted with the normal force, shape ``(3,)`` [m]."""
-        return np.asarray(self.pressing @ self.position / self.pressing.sum())
+        return np.asarray(self.normal_forces @ self.position / self.normal_forces.sum())
 
     @property
     def direction(self) -> Array:
         """Unit normal of the patch: direction of its normal resultant, shape ``(3,)``."""
-        resultant = self.pressing @ self.normal
+        resultant = self.normal_forces @ self.normal
         return np.asarray(resultant / np.linalg.norm(resultant))
 
     @property
@@ -88,7 +94,7 @@ class Patch:
     @property
     def shear(self) -> Array:
         """Longitudinal and lateral shear stress on the lower body, shape ``(n, 2)`` [Pa]."""
-        return np.asarray(-self.traction @ self.frame[:2].T / self.areas[:, None])
+        return np.asarray(-self.tangential_forces @ self.frame[:2].T / self.areas[:, None])
 
     @property
     def longitudinal_shear(self) -> float:
@@ -102,20 +108,19 @@ class Patch:
 
     @property
     def shear_angle(self) -> float:
-        """Angle of the mean shear on the lower body from the negative longitudinal axis [degrees].
+        """Angle of the mean shear on the lower body from the negative longitudinal axis [rad].
 
         Positive towards the negative lateral axis: on a rail to the gauge side and downwards. NaN
         where shear is less than a thousandth of the normal force.
         """
         if self.tangential_force < 1e-3 * self.normal_force:
             return float("nan")
-        return float(np.degrees(np.arctan2(-self.lateral_shear, -self.longitudinal_shear)))
+        return shear_angle(np.array([-self.longitudinal_shear, -self.lateral_shear]))
 
     @property
-    def angle(self) -> float:
-        """Contact angle: of the normal from the vertical, in the y-z plane [degrees]."""
-        _, y, z = np.abs(self.direction)
-        return float(np.degrees(np.arctan2(y, z)))
+    def contact_angle(self) -> float:
+        """Angle of the normal from the vertical, in the y-z plane [rad]."""
+        return float(contact_angle(self.direction))
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ class Contact:
     """
 
     t: Array
-    patches: list[dict[int, Patch]]
+    patches: list[dict[int, PatchNodes]]
 
     def series(self, place: int, quantity: str) -> Array:
         """Return a patch quantity over the outputs, NaN where the patch is not there."""
@@ -245,10 +250,10 @@ def _contact(group: Any) -> Contact:
     return Contact(t, [patches_of(k) for k in outputs])
 
 
-def patches_of(arrays: Any) -> dict[int, Patch]:
+def patches_of(arrays: Any) -> dict[int, PatchNodes]:
     """Return the patches of a footprint by place: 1 rail top, 2 gauge corner.
 
-    Patches less steep than 45 degrees count as rail top together, the rest as gauge corner, so a
+    Patches less steep than 45° count as rail top together, the rest as gauge corner, so a
     place keeps its number through all outputs.
 
     Args:
@@ -265,8 +270,9 @@ def patches_of(arrays: Any) -> dict[int, Patch]:
     label = arrays["patch"][:][touching]
     place = np.zeros(len(label), dtype=int)
     for k in np.unique(label):
-        part = Patch(*(a[label == k] for a in (*nodal, friction, stick)))
-        place[label == k] = 1 if part.angle < STEEP else 2
+        part = PatchNodes(*(a[label == k] for a in (*nodal, friction, stick)))
+        place[label == k] = 1 if part.contact_angle < STEEP else 2
     return {
-        int(k): Patch(*(a[place == k] for a in (*nodal, friction, stick))) for k in np.unique(place)
+        int(k): PatchNodes(*(a[place == k] for a in (*nodal, friction, stick)))
+        for k in np.unique(place)
     }

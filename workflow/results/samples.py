@@ -9,16 +9,13 @@ and ``contact/PAIR/surface`` the nodes of the contactor with their reference pos
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from workflow.simulation.sampling import Sampling
-
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
@@ -31,7 +28,7 @@ class PairSamples:
         normal, tangential: Totals, shape ``(k, 3)`` [N].
         start: First row of each sample among the nodes, and their number, shape ``(k + 1,)``.
         node: Mesh nodes, shape ``(m,)``.
-        pressing, traction: Their normal and tangential forces, shape ``(m, 3)`` [N].
+        normal_forces, tangential_forces: Their normal and tangential forces, shape ``(m, 3)`` [N].
         body: Body of the contactor.
         surface: Its mesh nodes, ascending, shape ``(nc,)``.
         places: Their reference positions, shape ``(nc, 3)`` [m].
@@ -41,8 +38,8 @@ class PairSamples:
     tangential: Array
     start: npt.NDArray[np.int64]
     node: npt.NDArray[np.int64]
-    pressing: Array
-    traction: Array
+    normal_forces: Array
+    tangential_forces: Array
     body: str
     surface: npt.NDArray[np.int64]
     places: Array
@@ -82,68 +79,6 @@ class Samples:
     pairs: dict[str, PairSamples]
     spin: Array
     centre: Array
-
-
-def append(file: Any, sampling: "Sampling", arrays: dict[str, npt.NDArray[Any]]) -> None:
-    """Add samples to an open results file.
-
-    Args:
-        file: The file.
-        sampling: Where they come from.
-        arrays: What :meth:`workflow.simulation.sampling.Sampling.take` returned.
-    """
-    root = file.require_group("probes")
-    if "interval" not in root.attrs:
-        root.attrs["interval"] = sampling.interval
-        root.attrs["about"] = "means over windows of that length [s], t in their middle"
-        describe_rolling(root, sampling)
-    _extend(root, "t", arrays["t"], "s")
-    points = sampling.model.domain.source.points
-    for i, gauge in enumerate(sampling.gauges):
-        name, kind = gauge.probe.name, gauge.probe.quantity
-        data = _extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
-        if "quantity" not in data.attrs:
-            data.attrs["quantity"] = kind
-            data.attrs["nodes"] = len(gauge.nodes)
-            data.attrs["place"] = points[gauge.nodes].mean(axis=0)
-            data.attrs["body"] = body_of(sampling, int(gauge.nodes[0]))
-    for name in sampling.touches:
-        group = root.require_group(f"contact/{name}")
-        if "surface" not in group:
-            describe_surface(group, sampling, name)
-        total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
-        _extend(group, "normal_force", total[:, 0], "N")
-        _extend(group, "tangential_force", total[:, 1], "N")
-        _extend(group, "nodal/count", arrays[f"{name}/count"], "1")
-        _extend(group, "nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
-        _extend(group, "nodal/normal_force", nodal[:, :3], "N")
-        _extend(group, "nodal/tangential_force", nodal[:, 3:], "N")
-
-
-def describe_rolling(root: Any, sampling: "Sampling") -> None:
-    """Note how the wheelset turns, so that forces can be brought into its own axes."""
-    model = sampling.model
-    if model.scene.rolling is not None:
-        from workflow.simulation.rolling import spin
-
-        root.attrs["spin"] = spin(model)
-        root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
-
-
-def describe_surface(group: Any, sampling: "Sampling", pair: str) -> None:
-    """Note body, nodes and reference positions of the contactor of a pair."""
-    contactor = sampling.touches[pair].side.contactor
-    order = np.argsort(contactor.nodes)
-    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
-    group["surface/node"] = contactor.nodes[order].astype(np.int32)
-    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
-
-
-def body_of(sampling: "Sampling", node: int) -> str:
-    """Return the name of the body that a mesh node belongs to."""
-    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
-    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
-    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])
 
 
 def cut(file: Any, rows: int) -> None:
@@ -194,23 +129,9 @@ def _pair(group: Any) -> PairSamples:
         tangential=group["tangential_force"][:],
         start=np.concatenate([[0], np.cumsum(nodal["count"][:])]),
         node=nodal["node"][:].astype(np.int64),
-        pressing=nodal["normal_force"][:].astype(np.float64),
-        traction=nodal["tangential_force"][:].astype(np.float64),
+        normal_forces=nodal["normal_force"][:].astype(np.float64),
+        tangential_forces=nodal["tangential_force"][:].astype(np.float64),
         body=str(group.attrs["body"]),
         surface=group["surface/node"][:].astype(np.int64),
         places=group["surface/place"][:],
     )
-
-
-def _extend(group: Any, name: str, values: npt.NDArray[Any], unit: str) -> Any:
-    if name not in group:
-        shape = values.shape[1:]
-        data = group.create_dataset(
-            name, (0, *shape), maxshape=(None, *shape), dtype=values.dtype, chunks=(1024, *shape)
-        )
-        data.attrs["units"] = unit
-    data, n = group[name], len(values)
-    if n:
-        data.resize(len(data) + n, axis=0)
-        data[-n:] = values
-    return data

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 SEGMENT = 0.02  # longer records are averaged over segments of that length [s]
 TREND = 3  # degree of the polynomial taken from each segment

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The result folder of a run: settings, history, contact, fields and summary."""
+"""Writer of a result folder: settings, history, contact, fields and summary."""
 
 import json
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from mpi4py import MPI
+from typing import Any
 
 import h5py
 import numpy as np
@@ -16,57 +13,14 @@ import tomli_w
 
 from meshes.domain import Domain
 from workflow.results import atomic
+from workflow.results.columns import extend
 from workflow.results.fields import FieldWriter
+from workflow.results.folder import Resume, cut, on_root
 from workflow.results.patches import append_events, append_patches
-from workflow.scene.scene import Scene, SceneError
-
-if TYPE_CHECKING:
-    from workflow.simulation.checkpoint import Checkpoint
-    from workflow.simulation.sampling import Sampling
+from workflow.results.table import strict
+from workflow.scene import Scene, SceneError
 
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
-
-
-def check_free(folder: str | Path, resume: bool = False) -> Path:
-    """Return the folder of a new run, or of one to go on with, without touching it.
-
-    Raises:
-        SceneError: if it holds a run already or cannot be made or written.
-    """
-    path = Path(folder)
-    held = (path / "scene.toml").exists() or (path / "summary.json").exists()
-    if held and not resume:
-        raise SceneError(
-            f"out = {str(path)!r}: already holds a run; expected a new folder, or --resume"
-        )
-    there = next(p for p in (path, *path.absolute().parents) if p.exists())
-    try:
-        tempfile.TemporaryDirectory(dir=there).cleanup()  # permissions alone do not tell
-    except OSError as error:
-        raise SceneError(
-            f"out = {str(path)!r}: expected a folder that can be written ({error.strerror})"
-        ) from None
-    return path
-
-
-def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
-    """Write on rank 0.
-
-    Raises:
-        RuntimeError: on all ranks, if there is no room or no permission.
-    """
-    told = None
-    if comm.rank == 0:
-        try:
-            work()
-        except OSError as error:
-            told = error.strerror or str(error)
-    told = comm.bcast(told)
-    if told is not None:
-        raise RuntimeError(
-            f"results cannot be written: {told}; expected room and permission in {str(folder)!r}; "
-            f"when there is, go on with: squealx run --resume --out {folder}"
-        )
 
 
 class Results:
@@ -79,7 +33,7 @@ class Results:
     """
 
     def __init__(
-        self, folder: Path, scene: Scene, domain: Domain, point: "Checkpoint | None" = None
+        self, folder: Path, scene: Scene, domain: Domain, resume: Resume | None = None
     ) -> None:
         """Begin a result folder, or go on with the one of a checkpoint.
 
@@ -93,16 +47,16 @@ class Results:
         self.write_fields = scene.output.fields
         self.lost: list[str] = []
         try:
-            on_root(self.comm, folder, lambda: self._open(scene, point))
+            on_root(self.comm, folder, lambda: self._open(scene, resume))
         except RuntimeError as error:
             raise SceneError(f"out = {str(folder)!r}: {error}") from None
-        self.outputs = point.about["outputs"] if point else 0
+        self.outputs = resume.outputs if resume else 0
 
-    def _open(self, scene: Scene, point: "Checkpoint | None") -> None:
+    def _open(self, scene: Scene, resume: Resume | None) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         settings = tomli_w.dumps(scene.tables()).encode()
-        fields, t = self.folder / "fields.vtkhdf", None
-        if point is None:
+        fields = self.folder / "fields.vtkhdf"
+        if resume is None:
             for path in (self.folder / "results.h5", fields):
                 atomic.journal_of(path).unlink(missing_ok=True)
             with h5py.File(self.folder / "results.h5", "w", locking=False) as file:
@@ -110,13 +64,11 @@ class Results:
                 for name in ("history", "contact", "patches"):
                     file.create_group(name)
         else:
-            from workflow.results import folder
-
-            t = float(point.arrays["time"][0])
-            self.trackers = folder.trackers(point)
-            self.lost = folder.cut(self.folder, point.about["outputs"], t, folder.samples(point))
+            self.trackers = dict(resume.trackers)
+            self.lost = cut(self.folder, resume)
         atomic.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
         if self.write_fields:
+            t = resume.t if resume else None
             self.fields = FieldWriter(fields, self.domain.source, resume_at=t)
 
     def append(
@@ -136,14 +88,13 @@ class Results:
             RuntimeError: if it cannot be written; the file is then as it was.
         """
 
-        def write() -> None:
-            with atomic.changing(self.folder / "results.h5") as file:
-                for name, value in history.items():
-                    _append(file["history"], name, value)
-                for name, footprint in footprints.items():
-                    self._append_contact(file, name, history["t"], footprint, motions[name])
+        def change(file: h5py.File) -> None:
+            for name, value in history.items():
+                extend(file["history"], name, [float(value)], unit(name))
+            for name, footprint in footprints.items():
+                self._append_contact(file, name, history["t"], footprint, motions[name])
 
-        on_root(self.comm, self.folder, write)
+        self.write(change)
         self.outputs += 1
 
     def _append_contact(
@@ -164,26 +115,23 @@ class Results:
         append_patches(table, self.outputs, t, footprint, identity, motion)
         append_events(table.require_group("events"), events)
 
-    def append_samples(self, sampling: "Sampling | None") -> None:
-        """Add what was sampled since the last time, if a run samples at all."""
-        if sampling is None:
-            return
-        from workflow.results import samples
+    def write(self, change: Callable[[h5py.File], None]) -> None:
+        """Change ``results.h5``, all of it or nothing.
 
-        arrays = sampling.take()
-        if not self.comm.bcast(len(arrays["t"])):
-            return
+        Raises:
+            RuntimeError: if it cannot be written; the file is then as it was.
+        """
 
-        def write() -> None:
+        def work() -> None:
             with atomic.changing(self.folder / "results.h5") as file:
-                samples.append(file, sampling, arrays)
+                change(file)
 
-        on_root(self.comm, self.folder, write)
+        on_root(self.comm, self.folder, work)
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh."""
         if self.write_fields:
-            displacement, velocity = gather(self.domain, u), gather(self.domain, v)
+            displacement, velocity = self.domain.gather(u), self.domain.gather(v)
             fields = self.fields
 
             def write() -> None:
@@ -197,15 +145,6 @@ class Results:
         text = json.dumps(strict(summary), indent=2, default=float) + "\n"
         path = self.folder / "summary.json"
         on_root(self.comm, self.folder, lambda: atomic.replace(path, text.encode()))
-
-
-def strict(value: Any) -> Any:
-    """Return the value with ``None`` for every number that JSON cannot hold (NaN, infinity)."""
-    if isinstance(value, Mapping):
-        return {key: strict(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [strict(entry) for entry in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 CONTACT_UNITS = {
@@ -227,25 +166,6 @@ def contact_arrays(footprint: Any) -> dict[str, npt.NDArray[Any]]:
     return {
         key: np.asarray(getattr(footprint, key)) for key in CONTACT_UNITS if hasattr(footprint, key)
     }
-
-
-def gather(domain: Domain, local: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Return a local vector field in mesh node order on rank 0, shape ``(n, 3)``."""
-    own = local.reshape(-1, 3)[: domain.owned]
-    parts = domain.msh.comm.gather((domain.nodes[: domain.owned], own))
-    out = np.zeros((len(domain.source.points) if parts else 0, 3))
-    for nodes, values in parts or ():
-        out[nodes] = values
-    return out
-
-
-def _append(group: Any, name: str, value: float) -> None:
-    if name not in group:
-        data = group.create_dataset(name, shape=(0,), maxshape=(None,), dtype="f8", chunks=(1024,))
-        data.attrs["units"] = unit(name)
-    data = group[name]
-    data.resize(len(data) + 1, axis=0)
-    data[-1] = value
 
 
 def unit(name: str) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from workflow.scene import keys
 from workflow.scene.bodies import Body
 from workflow.scene.contacts import law_of
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
@@ -27,11 +28,7 @@ from workflow.scene.settings import (
     unfit,
 )
 from workflow.scene.track import Absorbing, Spring, Track, Vehicle
-from workflow.scene.units import Acceleration, explain
-
-
-class SceneError(ValueError):
-    """A scene that cannot be run: the message names the key, what it got and what it expects."""
+from workflow.scene.units import Acceleration, SceneError, explain
 
 
 class Scene(Section):
@@ -71,8 +68,8 @@ class Scene(Section):
                     f"rolling.body = {self.rolling.body!r}: expected one of {list(self.bodies)}"
                 )
             if isinstance(self.mesh, FileMesh):
-                keys = ("wheel_centre", "rolling_radius")
-                if missing := [f"mesh.{k}" for k in keys if getattr(self.mesh, k) is None]:
+                both = ("wheel_centre", "rolling_radius")
+                if missing := [f"mesh.{k}" for k in both if getattr(self.mesh, k) is None]:
                     raise ValueError(
                         f"{', '.join(missing)}: missing; [rolling] with mesh.kind = 'file' "
                         "expects a point of the axle and the radius at the first contact [m]"
@@ -197,7 +194,7 @@ class Scene(Section):
         Raises:
             SceneError: naming the key, what it got and what it expects.
         """
-        return Scene.check(_merged(read(source), changes))
+        return Scene.check(keys.changed(read(source), changes))
 
     @staticmethod
     def check(data: Mapping[str, Any]) -> "Scene":
@@ -209,7 +206,7 @@ class Scene(Section):
 
     def with_(self, **changes: Any) -> "Scene":
         """Return the scene with keys changed, e.g. ``with_(**{"mesh.size": 1e-3})``."""
-        return Scene.check(_merged(self.tables(), changes))
+        return Scene.check(keys.changed(self.tables(), changes))
 
     def tables(self) -> dict[str, Any]:
         """Return the fully resolved scene as nested tables without empty entries."""
@@ -244,19 +241,3 @@ def _text(path: Path, source: str) -> str:
     if path.is_file():
         return path.read_text("utf-8")
     raise SceneError(f"scene {source!r}: expected a TOML file or one of {', '.join(names())}")
-
-
-def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(data)
-    for key, value in changes.items():
-        *tables, last = key.split(".")
-        inner = merged
-        for depth, table in enumerate(tables, 1):
-            below = inner.get(table, {})
-            if not isinstance(below, dict):
-                path = ".".join(tables[:depth])
-                raise SceneError(f"{key}: expected a key of the scene, but {path} is not a table")
-            inner[table] = dict(below)
-            inner = inner[table]
-        inner[last] = value
-    return merged

@@ -42,6 +42,10 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 Direction = Literal["x", "y", "z", "axle"]
 
 
+class SceneError(ValueError):
+    """A scene that cannot be run: the message names the key, what it got and what it expects."""
+
+
 class Section(BaseModel):
     """A table of a scene; unknown keys are refused."""
 

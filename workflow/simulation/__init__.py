@@ -1,1 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
+"""Simulation of a model: rest, start, central difference, guards, checkpoints."""

@@ -10,7 +10,8 @@ import hashlib
 import json
 import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,34 +19,25 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-
-from meshes.hexmesh import HexMesh
-from workflow.results import atomic
-from workflow.scene.scene import Scene, SceneError
-
-if TYPE_CHECKING:
-    from workflow.model.model import Model
-    from workflow.results.writer import Results
-    from workflow.simulation.energy import Ledger
-    from workflow.simulation.progress import Clock
-from collections.abc import Mapping
-from dataclasses import asdict
-from typing import TYPE_CHECKING
-
 import numpy.typing as npt
 from dolfinx import la
 
-from workflow.results.writer import gather
-from workflow.simulation.energy import Energy
-from workflow.simulation.prescribed import moves
+from meshes.hexmesh import HexMesh
+from workflow.model import Model
+from workflow.results import atomic
+from workflow.results.folder import Resume
+from workflow.results.writer import Results
+from workflow.scene import Scene, SceneError
+from workflow.simulation.energy import Ledger
+from workflow.simulation.prescribed import hold_of
+from workflow.simulation.progress import Clock
 
 if TYPE_CHECKING:
-    from workflow.model.model import Model
-    from workflow.simulation.energy import Ledger
+    from workflow.simulation.sampling import Sampling
 
 Arrays = dict[str, npt.NDArray[Any]]
 
-FORMAT = 1
+FORMAT = 2
 FREE = ("name", "title", "about", "time.end", "output.", "guards.")  # do not alter what was
 
 
@@ -98,7 +90,7 @@ class Checkpoint:
             )
         return scene.with_(**{"time.end": end})
 
-    def fits(self, model: "Model") -> None:
+    def fits(self, model: Model) -> None:
         """Raise ``SceneError`` if mesh, laws of one's own or step are not the checkpoint's."""
         own = {"mesh": mesh_hash(model.domain.source), "laws": model.own_laws, "dt": model.dt}
         for key, mine in own.items():
@@ -108,6 +100,22 @@ class Checkpoint:
                     f"resume: expected the {key} of the checkpoint, {then}, got {mine}; "
                     f"it was written by squealx {self.about['version']}"
                 )
+
+    def resume(self) -> Resume:
+        """Return what a result folder keeps of a run that goes on from here."""
+        trackers: dict[str, Any] = {}
+        for name in {key.split("/")[1] for key in self.arrays if key.startswith("tracker/")}:
+            from contact.patches import Tracker  # a scene without contact does not import it
+
+            trackers[name] = Tracker()
+            trackers[name].restore(part(self.arrays, f"tracker/{name}/"))
+        every = self.arrays.get("samples/every")
+        return Resume(
+            outputs=self.about["outputs"],
+            t=float(self.arrays["time"][0]),
+            samples=0 if every is None else int(every[1]),
+            trackers=trackers,
+        )
 
 
 def flat(tables: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -161,15 +169,16 @@ class Keeper:
 
     def __init__(
         self,
-        model: "Model",
-        ledger: "Ledger",
-        results: "Results",
-        clock: "Clock",
+        model: Model,
+        ledger: Ledger,
+        results: Results,
+        sampling: "Sampling | None",
+        clock: Clock,
         point: Checkpoint | None,
         began: float,
     ) -> None:
-        self.model, self.ledger, self.results, self.clock = model, ledger, results, clock
-        scene = model.scene
+        self.model, self.ledger, self.results = model, ledger, results
+        self.sampling, self.clock, scene = sampling, clock, model.scene
         self.mesh_end: float = point.about["mesh_end"] if point else scene.time.end
         self.before: float = point.about["wall"] if point else 0.0
         self.began, self.last = began, time.perf_counter()
@@ -178,15 +187,16 @@ class Keeper:
 
     def step(self) -> str | None:
         """Write a checkpoint if one is due; return what could not be done, if anything."""
-        output, step = self.model.scene.output, self.model.state.step
+        model = self.model
+        output, step = model.scene.output, model.state.step
         if step == 0:  # forces there belong to the velocity at t, and v is at t - dt/2 already
             return None
         if output.checkpoint_steps is not None:
             return self.write() if step % output.checkpoint_steps == 0 else None
-        if not output.checkpoint_minutes or step % self.model.scene.guards.check_interval:
+        if not output.checkpoint_minutes or step % model.scene.guards.check_interval:
             return None
         late = time.perf_counter() - self.last >= 60 * output.checkpoint_minutes
-        return self.write() if self.model.domain.msh.comm.bcast(late) else None
+        return self.write() if model.domain.msh.comm.bcast(late) else None
 
     def end(self) -> str | None:
         """Write the checkpoint at the end of a run, so that it can be prolonged."""
@@ -200,7 +210,7 @@ class Keeper:
             return self._write()
 
     def _write(self) -> str | None:
-        arrays = collect(self.model, self.ledger, self.results.trackers)
+        arrays = collect(self.model, self.ledger, self.results.trackers, self.sampling)
         comm, error = self.model.domain.msh.comm, None
         if comm.rank == 0:
             arrays["about"] = np.frombuffer(json.dumps(self._about()).encode(), dtype=np.uint8)
@@ -217,8 +227,6 @@ class Keeper:
         return self.before + time.perf_counter() - self.began
 
     def _about(self) -> dict[str, Any]:
-        from importlib.metadata import version
-
         model = self.model
         return {
             "format": FORMAT,
@@ -248,132 +256,67 @@ def write(folder: Path, arrays: Arrays) -> None:
     atomic.replace(path, content.getvalue())
 
 
-def collect(model: "Model", ledger: "Ledger", trackers: Mapping[str, Any]) -> Arrays:
+def collect(
+    model: Model, ledger: Ledger, trackers: Mapping[str, Any], sampling: "Sampling | None"
+) -> Arrays:
     """Return the memory of a run between two steps, whole on rank 0; collective.
 
     Args:
         model: The model, its acceleration in place.
         ledger: Its energies so far.
         trackers: What follows the patches of each pair, on rank 0.
+        sampling: Its samples, if it samples.
     """
-    state, domain, comm = model.state, model.domain, model.domain.msh.comm
+    state, domain = model.state, model.domain
     fields = {"u": state.u.x.array, "v": state.v.x.array, "a": state.a.array}
-    arrays = {name: gather(domain, local) for name, local in fields.items()}
+    arrays = {name: domain.gather(local) for name, local in fields.items()}
     arrays["time"] = np.array([state.t, state.step])
-    for name, owner, attribute in sums(model):
-        arrays[f"sum/{name}"] = np.array(comm.allgather(getattr(owner, attribute)))
-    if model.connections is not None:
-        masses = model.connections.masses
-        arrays |= {"masses/u": masses.u, "masses/v": masses.v}
-        arrays["masses/sums"] = np.array([masses.dissipation, masses.work])  # alike on all ranks
-    if model.drive is not None:
-        arrays["drive/torque"] = np.array(model.drive.torque)
-    if model.drives is not None:
-        for i, carried in enumerate(model.drives.carried):
-            local = np.zeros(3 * domain.owned)
-            local.reshape(-1, 3)[carried.dofs] = carried.reaction
-            arrays[f"driven/{i}/reaction"] = gather(domain, local)
-            arrays[f"driven/{i}/centre"] = carried.centre
-    sampled = {} if model.sampling is None else {"": model.sampling}
-    for kind, parts in (("pair", model.pairs), ("tracker", trackers), ("samples", sampled)):
-        for name, part in parts.items():
-            arrays |= {f"{kind}/{name}/{key}": a for key, a in part.memory().items()}
-    return arrays | energies(ledger)
+    keepers = dict(items_by_name(model))
+    keepers |= {f"tracker/{name}": tracker for name, tracker in trackers.items()}
+    if sampling is not None:
+        keepers["samples"] = sampling
+    for name, keeper in keepers.items():
+        memory = keeper.memory() if hasattr(keeper, "memory") else {}
+        arrays |= {f"{name}/{key}": array for key, array in memory.items()}
+    return arrays | {f"ledger/{key}": array for key, array in ledger.memory().items()}
 
 
-def restore(model: "Model", ledger: "Ledger", arrays: Arrays) -> None:
+def items_by_name(model: Model) -> Iterator[tuple[str, Any]]:
+    """Yield the items of a model, and what holds it, under the names of a checkpoint."""
+    for k, item in enumerate(model.items):
+        yield f"item/{k}/{type(item).__name__}", item
+    yield "hold", model.hold
+
+
+def restore(model: Model, ledger: Ledger, sampling: "Sampling | None", arrays: Arrays) -> None:
     """Go on from what :func:`collect` returned, the same arrays on every rank; collective."""
     state, domain = model.state, model.domain
     state.u.x.array[:] = arrays["u"][domain.nodes].ravel()
     state.v.x.array[:] = arrays["v"][domain.nodes].ravel()
     state.t, state.step = float(arrays["time"][0]), int(arrays["time"][1])
-    if model.connections is not None:
-        masses = model.connections.masses
-        masses.u[:], masses.v[:] = arrays["masses/u"], arrays["masses/v"]
-        masses.dissipation, masses.work = map(float, arrays["masses/sums"])
-    if "drive/torque" in arrays:
-        from workflow.model.supports import drive
-
-        model.drive = drive(model, 0.0, 0.0)
-        model.drive.torque = float(arrays["drive/torque"])
-    if model.scene.driven or moves(model.scene):
-        steer(model, arrays)
-    remind(model)
+    model.hold = hold_of(model)
+    recall(model, arrays)
+    # Items count work between two calls: each is asked for the force of the present state, which
+    # is not counted, and then reminded of what it had counted. Contact has it all in its memory.
+    force = la.vector(domain.V.dofmap.index_map, 3)
+    for item in model.items:
+        if getattr(item, "phase", "update") != "contact":
+            item.add(state, force)
+    recall(model, arrays)
     state.a.array[:] = 0.0
     state.a.array[: 3 * domain.owned] = arrays["a"][domain.nodes[: domain.owned]].ravel()
-    comm: MPI.Comm = domain.msh.comm
-    ranks, rank = comm.size, comm.rank
-    for name, owner, attribute in sums(model):
-        parts = arrays[f"sum/{name}"]
-        together = float(parts.sum()) if rank == 0 else 0.0
-        setattr(owner, attribute, float(parts[rank]) if len(parts) == ranks else together)
-    for name, pair in model.pairs.items():
-        pair.restore(part(arrays, f"pair/{name}/"))
-    if model.sampling is not None:
-        model.sampling.restore(part(arrays, "samples//"))
-    remember(ledger, arrays)
+    if sampling is not None:
+        sampling.restore(part(arrays, "samples/"))
+    ledger.restore(part(arrays, "ledger/"))
+
+
+def recall(model: Model, arrays: Arrays) -> None:
+    """Give every item its memory back."""
+    for name, item in items_by_name(model):
+        if hasattr(item, "restore"):
+            item.restore(part(arrays, f"{name}/"))
 
 
 def part(arrays: Arrays, prefix: str) -> Arrays:
     """Return the arrays whose names begin so, without the beginning."""
     return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-
-
-def steer(model: "Model", arrays: Arrays) -> None:
-    """Hold driven surfaces again where they were."""
-    from workflow.simulation.prescribed import Hold
-
-    model.drives = Hold(model)
-    for i, carried in enumerate(model.drives.carried):
-        carried.centre = arrays[f"driven/{i}/centre"]
-        carried.arm = carried.reference[carried.dofs] - carried.centre
-        nodes = model.domain.nodes[carried.dofs]
-        carried.reaction = arrays[f"driven/{i}/reaction"][nodes]
-
-
-def remind(model: "Model") -> None:
-    """Let every load but contact know its last force, which is that of the present state.
-
-    They count the work between two calls, so the first call of a new one counts nothing.
-    """
-    force = la.vector(model.domain.V.dofmap.index_map, 3)
-    contact = [pair.add for pair in model.pairs.values()]
-    for add in model.loads:
-        if add not in contact:
-            add(model.state, force)
-
-
-def sums(model: "Model") -> Iterator[tuple[str, Any, str]]:
-    """Yield name, owner and attribute of everything that is summed up on each rank by itself."""
-    yield "internal", model.internal, "work"
-    if model.viscosity is not None:
-        yield "viscosity", model.viscosity, "work"
-    if model.damping is not None:
-        yield "damping", model.damping, "dissipation"
-    if model.drive is not None:
-        yield "drive", model.drive, "work"
-    if model.connections is not None:
-        for i, link in enumerate(model.connections.links):
-            yield f"link{i}", link, "dissipation"
-    if model.drives is not None:
-        for i, carried in enumerate(model.drives.carried):
-            yield f"driven{i}", carried, "work"
-        for i, mover in enumerate(model.drives.moved):
-            yield f"moved{i}", mover, "work"
-            yield f"moved{i}/reaction", mover, "reaction"
-
-
-def energies(ledger: "Ledger") -> Arrays:
-    """Return the memory of a ledger."""
-    scalars = [ledger.ride, ledger.reference, ledger.internal_start]
-    arrays = {"ledger/scalars": np.array(scalars)}
-    if ledger.start is not None:
-        arrays |= {f"ledger/start/{k}": np.array(e) for k, e in asdict(ledger.start).items()}
-    return arrays
-
-
-def remember(ledger: "Ledger", arrays: Arrays) -> None:
-    """Give a ledger its memory back."""
-    ledger.ride, ledger.reference, ledger.internal_start = map(float, arrays["ledger/scalars"])
-    start = part(arrays, "ledger/start/")
-    ledger.start = Energy(**{k: float(e) for k, e in start.items()}) if start else None

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Static equilibrium with frictionless contact: Newton on the set of contacting nodes.
 
-The residual is the sum of the very loads that the stepping uses, so a run started from here does
-not jump. The tangent is the elastic stiffness at the undeformed shape plus the springs of the
-contacts and connections; a sparse direct solver solves each step.
+The tangent is the elastic stiffness at the undeformed shape plus the springs of the contacts and
+connections. Conjugate gradients solve each step, preconditioned by a Cholesky factor (MUMPS) of an
+earlier tangent.
 """
 
-from collections.abc import Callable
 from typing import Any, cast
 
 from mpi4py import MPI
@@ -19,84 +18,55 @@ from dolfinx import fem, la
 from dolfinx.fem.petsc import assemble_matrix
 
 from forms.kernel import compiled
-from workflow.model.model import Model
-from workflow.model.supports import axle, supports
-from workflow.scene.settings import Equilibrium
+from meshes.arrays import Array
+from workflow.model import Model
+from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
 
 # petsc4py's stubs know plain lists and take this number for something else
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
-Array = npt.NDArray[np.float64]
 MANY = 30  # steps of conjugate gradients that take as long as new factors, about
 
+ROUGH = 1e-2  # tolerance before the last increment of a shift
 HALVINGS = 6  # of a step that ends all contact, before it is believed
 
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
 
-def equilibrium(
-    model: Model, settings: Equilibrium, extra: Array, log: Callable[[str], Any]
-) -> int:
-    """Bring the model to rest under its loads, in place; return the iterations used.
+def equilibrium(problem: AtRest, log: Log) -> Solve:
+    """Return Newton's method as a solver of a model at rest; its factors last from call to call."""
+    solver, tolerance = Solver(problem.model, problem.held), problem.settings.tolerance
+    return lambda rough: newton(problem, solver, max(ROUGH, tolerance) if rough else tolerance, log)
 
-    A shift along the axle follows the loads in increments: a loaded axle bends and takes the wheel
-    off the rail's gauge corner by millimetres, which the unloaded placement cannot know.
+
+def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int:
+    """Solve for rest from the present displacement, in place; return the iterations used.
 
     Args:
-        model: The model; its displacement, contact state and point masses are set.
-        settings: Tolerance on the residual over the load, iterations, first guess, extra supports.
-        extra: More dead load of every owned dof (the centrifugal force of a spinning wheel), N.
+        problem: The model with its loads at rest.
+        solver: Of the tangent.
+        tolerance: Largest residual over the load [-].
         log: Called with a line per iteration.
 
     Raises:
         GuardError: if it has not converged.
     """
-    for body, approach in settings.approach.items():
-        move(model, body, np.array(approach))
-    held = held_dofs(model, settings)
-    rough = settings.model_copy(update={"tolerance": max(1e-2, settings.tolerance)})
-    increments = settings.shift_increments if settings.shift else 0
-    solver = Solver(model, held)
-    used = newton(model, rough if increments else settings, extra, solver, log)
-    for k in range(increments):
-        body = model.scene.rolling.body  # type: ignore[union-attr]
-        move(model, body, settings.shift / increments * axle(model.scene))
-        log(f"equilibrium: shifted along the axle by {(k + 1) / increments * settings.shift:.2e} m")
-        last = settings if k + 1 == increments else rough
-        used += newton(model, last, extra, solver, log)
-    return used
-
-
-def move(model: Model, body: str, shift: Array) -> None:
-    """Displace a whole body rigidly by ``shift``, shape ``(3,)`` [m]."""
-    u = model.state.u.x
-    u.array.reshape(-1, 3)[model.body_dofs(body)] += shift
-    u.scatter_forward()
-
-
-def newton(
-    model: Model,
-    settings: Equilibrium,
-    extra: Array,
-    solver: "Solver",
-    log: Callable[[str], Any],
-) -> int:
-    """Solve for rest from the present displacement, in place; return the iterations used."""
+    model, settings = problem.model, problem.settings
     state, n = model.state, 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
     du.array[:] = 0.0
     touched, halved = False, 0
     for iteration in range(settings.max_iterations + 1):
-        residual = out_of_balance(model, extra)
-        scale = load_size(model, extra)
-        residual.array[solver.held] = 0.0
+        residual = problem.out_of_balance()
+        scale = problem.load_size()
+        residual.array[problem.held] = 0.0
         own = residual.array[:n]
         # numpy, not PETSc, whose norms are remembered while the array changes beneath
         size = float(np.sqrt(model.domain.msh.comm.allreduce(own @ own))) / scale
         active = sum(p.active for p in model.pairs.values())
         log(f"equilibrium {iteration}: residual {size:.2e}, {active} contact nodes")
-        if size <= settings.tolerance:
+        if size <= tolerance:
             return iteration
         if not np.isfinite(size):
             break
@@ -111,51 +81,8 @@ def newton(
         state.u.x.scatter_forward()
     raise GuardError(
         f"equilibrium: residual {size:.1e} of the load after {iteration} iterations, expected "
-        f"{settings.tolerance:.0e}; try another equilibrium.approach or more equilibrium.hold"
+        f"{tolerance:.0e}; try another equilibrium.approach or more equilibrium.hold"
     )
-
-
-def out_of_balance(model: Model, extra: Array) -> la.Vector:
-    """Return the sum of all forces at rest, point masses settled, contact without friction."""
-    state = model.state
-    state.a.array[:] = 0.0
-    model.internal.kernel.add(state.a)
-    model.dead.add(state, state.a)
-    state.a.array[: len(extra)] += extra
-    if model.connections is not None:
-        model.connections.settle(state.u.x.array)
-        model.connections.add(state, state.a)
-    state.a.scatter_reverse(la.InsertMode.add)
-    for pair in model.pairs.values():
-        pair.add(state, state.a, friction=False)
-    return state.a
-
-
-def load_size(model: Model, extra: Array) -> float:
-    """Norm of the dead loads with the weight of the point masses, the scale of the residual [N]."""
-    nodal = model.dead.nodal + extra if len(extra) else model.dead.nodal
-    square = model.domain.msh.comm.allreduce(float(nodal @ nodal))
-    if model.connections is not None:
-        masses = model.connections.masses
-        square += float(((masses.mass[:, None] * masses.gravity) ** 2).sum())
-    if square == 0.0:
-        # driven bodies are pressed together by their approach: the scale is the contact force
-        return float(sum(np.linalg.norm(p.normal_resultant) for p in model.pairs.values()))
-    return float(np.sqrt(square))
-
-
-def held_dofs(model: Model, settings: Equilibrium) -> npt.NDArray[np.int32]:
-    """Owned scalar dofs held in the static solve.
-
-    A support along a slanted direction holds every axis that it touches: the static solve has no
-    sliding along it.
-    """
-    extra = supports(settings.hold, model.scene, model.domain)
-    groups = zip(
-        model.supports.dofs + extra.dofs, model.supports.directions + extra.directions, strict=True
-    )
-    held = [3 * d + i for d, n in groups for i in np.flatnonzero(np.abs(n) > 1e-12)]
-    return np.unique(np.concatenate(held)) if held else np.zeros(0, dtype=np.int32)
 
 
 def elastic_stiffness(model: Model) -> PETSc.Mat:

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What stops a run that has gone wrong, and what it says."""
+"""Run-time guards: non-finite values, energy balance, penetration, lost contact."""
 
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+from workflow.model.regions import place
 
 if TYPE_CHECKING:
     from contact.one_pass import Pass
@@ -26,8 +28,10 @@ def check_finite(model: "Model") -> None:
     comm, a = model.domain.msh.comm, model.state.a.array[: 3 * model.domain.owned]
     size = np.nan_to_num(np.abs(a).reshape(-1, 3).max(axis=1), nan=np.inf)
     worst = int(np.argmax(size)) if len(size) else -1
-    found = comm.allgather((float(size[worst]), place(model, worst)) if len(size) else (-1.0, ""))
-    _, where = max(found)
+    here = (
+        (float(size[worst]), place(model.domain, model.scene, worst)) if len(size) else (-1.0, "")
+    )
+    _, where = max(comm.allgather(here))
     raise GuardError(
         f"non-finite acceleration at step {model.state.step}, t = {model.state.t:.6e} s, {where}; "
         f"dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s: a smaller time.safety or contact "
@@ -35,20 +39,8 @@ def check_finite(model: "Model") -> None:
     )
 
 
-def place(model: "Model", dof: int) -> str:
-    """Return in words which body and node an owned dof block belongs to, and where it is."""
-    domain = model.domain
-    node = int(domain.nodes[dof])
-    cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
-    region = domain.source.name(int(domain.source.regions[cell]))
-    bodies = model.scene.bodies.items()
-    body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
-    x, y, z = domain.source.points[node]
-    return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
-
-
 class Watch:
-    """The guards that look at energy and contact at every output and between.
+    """Guards of energy and contact, at every output and between.
 
     Args:
         model: The model.

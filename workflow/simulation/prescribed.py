@@ -1,27 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies carried by one of their surfaces in a steady rigid motion, and supports that move."""
+"""Prescribed motion: bodies carried by a surface in steady rigid motion, supports that move."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import la
 
+from forms.rank_sums import gathered, own_part
+from meshes.arrays import Array
+from workflow.model import Model
 from workflow.model.regions import surface_nodes
-from workflow.scene.settings import Driven
-
-if TYPE_CHECKING:
-    from workflow.model.model import Model
-from typing import TYPE_CHECKING
-
-from workflow.model.supports import supports
-from workflow.scene.settings import Support
-
-if TYPE_CHECKING:
-    from workflow.model.model import Model
-
-Array = npt.NDArray[np.float64]
+from workflow.model.state import State
+from workflow.model.supports import Supports, supports
+from workflow.scene.settings import Driven, Support
+from workflow.simulation.rolling import convected
 
 NOWHERE = np.zeros(3)
 
@@ -33,7 +28,7 @@ class Carried:
         work: Work of this rank's nodes since the first step [J].
     """
 
-    def __init__(self, model: "Model", body: str, entry: Driven) -> None:
+    def __init__(self, model: Model, body: str, entry: Driven) -> None:
         self.body, self.entry, self.dt, self.work = body, entry, model.dt, 0.0
         domain = model.domain
         local = domain.local_dofs(surface_nodes(domain, entry.surface))
@@ -116,22 +111,17 @@ class Carried:
 
 
 class Hold:
-    """The supports of a scene with driven surfaces: a callable in place of ``model.supports``.
+    """The supports of a scene with prescribed motion: a callable in place of ``model.supports``.
 
     Attributes:
         carried: The driven surfaces.
         moved: The supports that move.
     """
 
-    def __init__(self, model: "Model") -> None:
-        self.supports = model.supports
+    def __init__(self, model: Model) -> None:
+        self.supports, self.domain = model.supports, model.domain
         self.carried = [Carried(model, *entry) for entry in model.scene.driven.items()]
         self.moved = moved(model)
-
-    @property
-    def work(self) -> float:
-        """Work of this rank's driven nodes [J]."""
-        return sum(c.work for c in self.carried) + sum(m.work for m in self.moved)
 
     def __call__(self, a: la.Vector) -> None:
         """Impose all held and driven components of an acceleration, in place."""
@@ -143,20 +133,59 @@ class Hold:
         for carried, before in zip(self.carried, free, strict=True):
             carried.steer(a, before)
 
+    def energy(self, state: State) -> dict[str, float]:
+        """Return the work of what holds the nodes on their way [J]; collective."""
+        work = sum(c.work for c in self.carried) + sum(m.work for m in self.moved)
+        return {"external_work": self.domain.msh.comm.allreduce(work)}
 
-def start(model: "Model") -> None:
+    def memory(self) -> dict[str, Array]:
+        """Return works, reactions and centres; collective."""
+        comm, arrays = self.domain.msh.comm, {}
+        for i, carried in enumerate(self.carried):
+            local = np.zeros(3 * self.domain.owned)
+            local.reshape(-1, 3)[carried.dofs] = carried.reaction
+            arrays[f"driven/{i}/reaction"] = self.domain.gather(local)
+            arrays[f"driven/{i}/centre"] = carried.centre
+            arrays[f"driven/{i}/work"] = gathered(comm, carried.work)
+        for i, mover in enumerate(self.moved):
+            arrays[f"moved/{i}/work"] = gathered(comm, mover.work)
+            arrays[f"moved/{i}/reaction"] = gathered(comm, mover.reaction)
+        return arrays
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        comm = self.domain.msh.comm
+        for i, carried in enumerate(self.carried):
+            carried.centre = memory[f"driven/{i}/centre"]
+            carried.arm = carried.reference[carried.dofs] - carried.centre
+            nodes = self.domain.nodes[carried.dofs]
+            carried.reaction = memory[f"driven/{i}/reaction"][nodes]
+            carried.work = own_part(comm, memory[f"driven/{i}/work"])
+        for i, mover in enumerate(self.moved):
+            mover.work = own_part(comm, memory[f"moved/{i}/work"])
+            mover.reaction = own_part(comm, memory[f"moved/{i}/reaction"])
+
+
+def hold_of(model: Model) -> Supports | Hold:
+    """Return what holds a model from time zero on: its supports, and prescribed motion if any."""
+    scene = model.scene
+    moving = scene.driven or any(entry.velocity for entry in scene.supports)
+    return Hold(model) if moving else model.supports
+
+
+def start(model: Model) -> None:
     """Set the velocities of driven bodies at time zero and what holds them from now on."""
-    model.drives = hold = Hold(model)
+    model.hold = hold = hold_of(model)
+    if not isinstance(hold, Hold):
+        return
     v = model.state.v.x.array.reshape(-1, 3)
     flows, x = {}, ufl.SpatialCoordinate(model.domain.msh)
     for carried in hold.carried:
-        dofs = model.body_dofs(carried.body)
+        dofs = model.bodies.dofs(carried.body)
         v[dofs] = carried.rigid(dofs)
         if carried.entry.steady_start:
             flows[carried.body] = carried.flow(x)
     if flows:
-        from workflow.simulation.rolling import convected
-
         v[: model.domain.owned] += convected(model, flows)
     model.supports(model.state.v.x)
     for carried in hold.carried:
@@ -174,7 +203,7 @@ class Moved:
         reaction: Force that holds them along the direction, of this rank [N].
     """
 
-    def __init__(self, model: "Model", entry: Support) -> None:
+    def __init__(self, model: Model, entry: Support) -> None:
         found = supports([entry], model.scene, model.domain)
         self.entry, self.state, self.dt = entry, model.state, model.dt
         self.dofs, self.direction = found.dofs[0], found.directions[0]
@@ -207,11 +236,6 @@ class Moved:
         self.reaction = reaction
 
 
-def moved(model: "Model") -> list[Moved]:
+def moved(model: Model) -> list[Moved]:
     """Return the supports of a scene that move."""
     return [Moved(model, entry) for entry in model.scene.supports if entry.velocity]
-
-
-def moves(scene: Any) -> bool:
-    """Tell whether a support of a scene moves."""
-    return any(entry.velocity for entry in scene.supports)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run says while it goes on: a progress line with time remaining, and ``run.log``."""
+"""Progress of a run: the line with time remaining, ``run.log``, and the time of each phase."""
 
 import contextlib
 import time

@@ -7,13 +7,9 @@ Transient Analysis). Masses do not matter at rest: each cell gets the one that m
 the step allows. Point masses, slow beside cells, are moved to rest under the present shape.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
@@ -21,14 +17,12 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.springs.step_bound import attached
 from forms.time_step import cell_frequencies
-from workflow.model.model import Model
-from workflow.model.supports import axle
-from workflow.scene.settings import Equilibrium, Relaxation
-from workflow.simulation.equilibrium import held_dofs, load_size, move, out_of_balance
+from meshes.arrays import Array
+from workflow.model import Model
+from workflow.scene.settings import Relaxation
+from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
 
-Array = npt.NDArray[np.float64]
-Log = Callable[[str], Any]
 Seen = tuple[Array, Array]
 
 SAFETY = 0.9  # of the step's limit: what bodies stiffen as they turn and strain
@@ -38,65 +32,40 @@ FIRST = 0.995  # velocity factor until a frequency has been seen
 ROUGH = 1e-4  # tolerance before the last increment of a shift
 
 
-def relaxation(model: Model, settings: Equilibrium, extra: Array, log: Log) -> int:
-    """Bring the model to rest under its loads, in place; return the steps used.
+def relaxation(problem: AtRest, log: Log) -> Solve:
+    """Return dynamic relaxation as a solver of a model at rest."""
+    settings = problem.settings.relaxation
+    mass, tolerance = masses(problem.model, settings), settings.tolerance
+    return lambda rough: relax(problem, mass, max(ROUGH, tolerance) if rough else tolerance, log)
+
+
+def relax(problem: AtRest, mass: Array, tolerance: float, log: Log) -> int:
+    """Step from the present displacement to rest, in place; return the steps used.
 
     Args:
-        model: The model; its displacement, contact state and point masses are set.
-        settings: Tolerance and factor of the relaxation, first guess, extra supports, shift.
-        extra: More dead load of every owned dof (the centrifugal force of a spinning wheel), N.
+        problem: The model with its loads at rest.
+        mass: Mass of every owned scalar dof without contact [kg].
+        tolerance: Largest kinetic over internal energy [-].
         log: Called with a line per check.
 
     Raises:
         GuardError: if it has not converged or blows up.
     """
-    own = settings.relaxation
-    for body, approach in settings.approach.items():
-        move(model, body, np.array(approach))
-    held, mass = held_dofs(model, settings), masses(model, own)
-    rough = own.model_copy(update={"tolerance": max(ROUGH, own.tolerance)})
-    increments = settings.shift_increments if settings.shift else 0
-    used = relax(model, rough if increments else own, held, mass, extra, log)
-    for k in range(increments):
-        body = model.scene.rolling.body  # type: ignore[union-attr]
-        move(model, body, settings.shift / increments * axle(model.scene))
-        log(f"relaxation: shifted along the axle by {(k + 1) / increments * settings.shift:.2e} m")
-        last = own if k + 1 == increments else rough
-        used += relax(model, last, held, mass, extra, log)
-    return used
-
-
-def relax(
-    model: Model,
-    settings: Relaxation,
-    held: npt.NDArray[np.int32],
-    mass: Array,
-    extra: Array,
-    log: Log,
-) -> int:
-    """Step from the present displacement to rest, in place; return the steps used.
-
-    Args:
-        model: The model.
-        settings: Tolerance and factor.
-        held: Owned scalar dofs that stay.
-        mass: Mass of every owned scalar dof without contact [kg].
-        extra: More dead load, N.
-        log: Called with a line per check.
-    """
+    model, settings = problem.model, problem.settings.relaxation
     n, u, comm = len(mass), model.state.u.x, model.domain.msh.comm
     v, heavy, factor = np.zeros(n), mass, settings.velocity_factor or FIRST
     candidates, before, peak, share = None, None, 0.0, np.inf
     for step in range(settings.max_steps + 1):
-        force = out_of_balance(model, extra).array[:n]
-        force[held] = 0.0
+        force = problem.out_of_balance().array[:n]
+        force[problem.held] = 0.0
         if settings.mass_scaling and candidates != (found := searches(model)):
             heavy, candidates = mass + contact_mass(model), found
         if step and step % settings.check_interval == 0:
-            share, peak = peak / max(internal_energy(model), 1e-300), 0.0
-            size = np.sqrt(total(comm, force, force)) / load_size(model, extra)
+            stored = sum(model.internal.stored().values())
+            share, peak = peak / max(stored, 1e-300), 0.0
+            size = np.sqrt(total(comm, force, force)) / problem.load_size()
             log(in_words(model, step, share, size, factor))
-            if share <= settings.tolerance:
+            if share <= tolerance:
                 return step
             if not np.isfinite(share):
                 break
@@ -112,7 +81,7 @@ def relax(
         u.scatter_forward()
     raise GuardError(
         f"relaxation: kinetic over internal energy {share:.1e} after {step} steps, expected "
-        f"{settings.tolerance:.0e}; try more equilibrium.relaxation.max_steps, another "
+        f"{tolerance:.0e}; try more equilibrium.relaxation.max_steps, another "
         "velocity_factor or equilibrium.approach, or more equilibrium.hold"
     )
 
@@ -152,12 +121,6 @@ def damping_factor(square: float, dt: float) -> float:
     """
     x = min(np.sqrt(square) * dt, 0.5)
     return float((1 - x) / (1 + x))
-
-
-def internal_energy(model: Model) -> float:
-    """Strain energy with that of hourglass control [J]."""
-    control = model.hourglass_energy
-    return model.strain_energy() + (control() if control is not None else 0.0)
 
 
 def masses(model: Model, settings: Relaxation) -> Array:

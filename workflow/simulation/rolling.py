@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The start of rolling: spin and travel of the wheelset, as close to steady as known beforehand."""
+"""Start of rolling: spin and travel of the wheelset, as steady as is known beforehand."""
 
 from collections.abc import Mapping
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import la
 
 from forms.elasticity import full
 from forms.kernel import CellKernel
-from workflow.model.model import Model
-from workflow.model.supports import axle, drive
-from workflow.model.track import follow, sleeper_bodies
-
-Array = npt.NDArray[np.float64]
+from forms.loads import DriveTorque
+from meshes.arrays import Array
+from meshes.domain import Domain
+from meshes.wheel_rail import seats
+from workflow.model import Model
+from workflow.model.regions import facets
+from workflow.model.supports import axle
+from workflow.model.track import Seat, middle, seat, seats_of_points, sleeper_bodies
 
 
 def travel(model: Model) -> Array:
@@ -47,7 +51,7 @@ def centrifugal(model: Model) -> Array:
     rolling = model.scene.rolling
     assert rolling is not None
     force = np.zeros((model.domain.owned, 3))
-    dofs, omega = model.body_dofs(rolling.body), spin(model)
+    dofs, omega = model.bodies.dofs(rolling.body), spin(model)
     r = model.domain.V.tabulate_dof_coordinates()[dofs] - np.array(model.placement.centre)
     force[dofs] = -model.mass.array[::3][dofs, None] * np.cross(omega, np.cross(omega, r))
     return force.ravel()
@@ -69,13 +73,14 @@ def start(model: Model) -> None:
     if rolling.steady_start:
         v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
         follow(model)
-    dofs = model.body_dofs(rolling.body)
+    dofs = model.bodies.dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
     state.v.x.scatter_forward()
-    if rolling.traction_coefficient > 0:
-        load = sum(pair.normal_resultant[2] for pair in model.pairs.values())
-        model.drive = drive(model, load, model.placement.rolling_radius)
+    for item in model.items:
+        if isinstance(item, DriveTorque):
+            load = sum(pair.normal_resultant[2] for pair in model.pairs.values())
+            item.torque = rolling.traction_coefficient * load * model.placement.rolling_radius
 
 
 def flow(model: Model, V: Array, omega: Array, centre: Array) -> dict[str, Any]:
@@ -113,3 +118,39 @@ def convected(model: Model, flows: Mapping[str, Any]) -> Array:
     out.scatter_reverse(la.InsertMode.add)
     n = 3 * domain.owned
     return np.asarray((out.array[:n] / model.mass.array[:n]).reshape(-1, 3))
+
+
+def follow(model: Model) -> None:
+    """Give each sleeper the mean vertical velocity of the rail over its seat, in place.
+
+    Under a travelling load the rail sinks ahead of it and rises behind; sleepers at rest would be
+    struck through the stiff pads.
+    """
+    track, domain, scene = model.scene.track, model.domain, model.scene
+    if track is None:
+        return
+    v, mesh = model.state.v.x.array.reshape(-1, 3), domain.source
+    if track.sleeper_top is None:
+        assert model.connections is not None
+        speeds = sinking(domain, seats_of_points(track, domain), v)
+        model.connections.masses.v[: len(speeds), 2] = speeds
+        return
+    tops = seats.parts(facets(domain, track.sleeper_top))
+    under = [seat(track, domain, middle(mesh.points[top])) for top in tops]
+    tags = [tag for body in sleeper_bodies(scene, domain) for tag in scene.bodies[body].regions]
+    number = np.full(len(mesh.points), -1)
+    for k, part in enumerate(seats.parts(mesh.cells[np.isin(mesh.regions, mesh.tags(tags))])):
+        number[part] = k
+    for top, speed in zip(tops, sinking(domain, under, v), strict=True):
+        dofs = domain.local_dofs(np.flatnonzero(number == number[top[0, 0]]))
+        v[dofs[dofs >= 0], 2] = speed
+
+
+def sinking(domain: Domain, under: list[Seat], v: Array) -> Array:
+    """Return the mean vertical velocity of the rail on each seat, shape ``(s,)`` [m/s]."""
+    speeds = np.zeros(len(under))
+    for i, (nodes, share) in enumerate(under):
+        dofs = domain.local_dofs(nodes)
+        speeds[i] = share[dofs >= 0] @ v[dofs[dofs >= 0], 2]
+    domain.msh.comm.Allreduce(MPI.IN_PLACE, speeds)
+    return speeds

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A run from scene to results: equilibrium, rolling start, steps, outputs, summary."""
+"""Run of a scene: equilibrium, start of rolling, steps, outputs, summary."""
 
 import copy
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,42 +12,25 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 from forms.elements import Law
-from workflow.audit.audit import audit
-from workflow.model.contacts import tell_offsets
-from workflow.model.model import Model, build
-from workflow.results.writer import Results, check_free
-from workflow.scene.scene import Scene, SceneError
-from workflow.simulation import checkpoint, guards
-from workflow.simulation.checkpoint import restore
-from workflow.simulation.energy import Energy, Ledger
+from workflow.model import Model, build
+from workflow.model.state import Item
+from workflow.model.step import step_report
+from workflow.results.energy import Energy
+from workflow.results.folder import checked
+from workflow.results.result import Result
+from workflow.results.writer import Results
+from workflow.scene import Scene
+from workflow.simulation import checkpoint, guards, stepping
+from workflow.simulation.energy import Ledger
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
-from workflow.simulation.stepping import State, central_difference
 from workflow.simulation.summary import output, summarise
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
+    from workflow.simulation.sampling import Sampling
 
-
-@dataclass
-class Result:
-    """A finished (or stopped) run.
-
-    Attributes:
-        folder: Where its results are.
-        summary: The contents of ``summary.json``.
-    """
-
-    folder: Path
-    summary: dict[str, Any]
-
-    @property
-    def history(self) -> dict[str, Any]:
-        """Columns of ``/history`` in ``results.h5``."""
-        import h5py
-
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
-            return {name: data[:] for name, data in file["history"].items()}
+Log = Callable[[str], Any]
 
 
 @dataclass
@@ -57,6 +40,7 @@ class Job:
     model: Model
     results: Results
     ledger: Ledger
+    sampling: "Sampling | None"
     keeper: checkpoint.Keeper
     clock: Clock
     progress: Progress
@@ -73,6 +57,7 @@ def run(
     watch: Callable[[Model], None] | None = None,
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
+    items: Iterable[Callable[[Model], Item]] = (),
     quiet: bool = False,
     resume: bool = False,
 ) -> Result:
@@ -85,6 +70,8 @@ def run(
         watch: Called with the model at every step, for experiments.
         laws: Material laws of your own by body name, in place of the scene's.
         friction: Friction laws of your own by contact name, in place of the scene's.
+        items: What acts besides, of your own: each is called with the model and returns an item
+            (:class:`workflow.model.state.Item`).
         quiet: No progress on the terminal; ``run.log`` is always written.
         resume: Go on from the last checkpoint in ``out``; from the start if there is none.
 
@@ -96,11 +83,18 @@ def run(
     folder = checked(out, comm, resume)
     point = checkpoint.read(folder, comm) if resume else None
     clock, progress = Clock(), Progress(comm.rank == 0, quiet)
-    model = modelled(scene, point, comm, clock, progress, laws, friction)
-    results, ledger = Results(folder, scene, model.domain, point), Ledger(model)
+    built = point.as_built(scene) if point else scene  # its mesh may be that of an earlier end
+    model = build(built, comm, progress.log, clock.phase, laws, friction, items)
+    model.scene = scene
+    if point is not None:
+        point.fits(model)
+    else:
+        check_apart(model)
+    sampling, ledger = sampler(model), Ledger(model)
+    results = Results(folder, scene, model.domain, point.resume() if point else None)
     progress.keep_in(folder / "run.log", go_on=point is not None)
-    keeper = checkpoint.Keeper(model, ledger, results, clock, point, began)
-    job = Job(model, results, ledger, keeper, clock, progress)
+    keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
+    job = Job(model, results, ledger, sampling, keeper, clock, progress)
     with concluded(job):
         if point is None:
             begin(job)
@@ -111,28 +105,13 @@ def run(
     return Result(folder, job.summary)
 
 
-def modelled(
-    scene: Scene,
-    point: checkpoint.Checkpoint | None,
-    comm: MPI.Comm,
-    clock: Clock,
-    progress: Progress,
-    laws: Mapping[str, Law] | None,
-    friction: "Mapping[str, FrictionLaw] | None",
-) -> Model:
-    """Return the model of a scene, checked against its checkpoint if it has one."""
-    built = point.as_built(scene) if point else scene
-    model = build(built, comm, progress.log, clock, laws, friction)
-    model.scene = scene  # its mesh may be that of an earlier end
-    if scene.output.sample_interval is not None:
-        from workflow.simulation.sampling import Sampling
+def sampler(model: Model) -> "Sampling | None":
+    """Return what samples a model between its outputs, imported only if the scene asks for it."""
+    if model.scene.output.sample_interval is None:
+        return None
+    from workflow.simulation.sampling import Sampling
 
-        model.sampling = Sampling(model)
-    if point is not None:
-        point.fits(model)
-    else:
-        check_apart(model)
-    return model
+    return Sampling(model)
 
 
 @contextmanager
@@ -158,7 +137,8 @@ def concluded(job: Job) -> Iterator[None]:
 def conclude(job: Job) -> None:
     """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
     try:
-        job.results.append_samples(job.model.sampling)
+        if job.sampling is not None:
+            job.sampling.append(job.results)
         job.results.summarise(job.summary)
     except RuntimeError as error:
         if job.summary["status"] == "done":
@@ -168,35 +148,22 @@ def conclude(job: Job) -> None:
         job.progress.close()
 
 
-def checked(out: str | Path, comm: MPI.Comm, resume: bool = False) -> Path:
-    """Return the result folder if rank 0 finds it free; raise alike on all ranks if not."""
-    error = None
-    if comm.rank == 0:
-        try:
-            check_free(out, resume)
-        except SceneError as caught:
-            error = caught
-    error = comm.bcast(error)
-    if error is not None:
-        raise error
-    return Path(out)
-
-
 def begin(job: Job) -> None:
     """Tell what the run will bear, bring the model to rest and set it in motion."""
-    for line in audit(job.model):
+    model = job.model
+    for line in step_report(model.bodies, model.mass.array, model.dt, model.dt_bound):
         job.progress.note(line)
     with job.clock.phase("equilibrium"):
-        start(job.model, job.progress.log)
-    if job.model.placement is not None:
-        from workflow.theory import at_rest
+        start(model, job.progress.log)
+    if model.placement is not None:
+        from workflow.theory import at_rest  # the half-space, for wheel on rail alone
 
-        at_rest.tell(job.model, job.progress.note)
+        at_rest.tell(model, job.progress.note)
 
 
 def take_up(job: Job, point: checkpoint.Checkpoint) -> None:
     """Bring the model to the state of a checkpoint."""
-    restore(job.model, job.ledger, point.arrays)
+    checkpoint.restore(job.model, job.ledger, job.sampling, point.arrays)
     for phase, seconds in point.about["seconds"].items():
         job.clock.seconds[phase] += seconds
     ranks, state = point.about["ranks"], job.model.state
@@ -213,22 +180,25 @@ def steps(
     model, progress, state = job.model, job.progress, job.model.state
     scene = model.scene
     per_output = round(scene.time.output_interval / model.dt)
-    for line in model.sampling.lines() if model.sampling is not None else ():
+    for line in job.sampling.lines() if job.sampling is not None else ():
         progress.note(line)
     progress.start(model, round(scene.time.end / model.dt))
     watched = guards.Watch(model)
-    for _ in timed_steps(model, job.clock, resumed):
+    end = round(scene.time.end / model.dt) * model.dt
+    for _ in stepping.steps(model, end, job.clock, resumed=resumed):
         guards.check_finite(model)
         if state.step == 0:
             tell_offsets(model, progress.log)
-        if model.sampling is not None:
-            model.sampling.step()
+        if job.sampling is not None:
+            job.sampling.step()
         if watch is not None:
             watch(model)
         if state.step % per_output == 0:
             with job.clock.phase("output"):
                 energy, error = job.ledger.measure()
                 history = output(model, job.results, energy, error)
+                if job.sampling is not None:
+                    job.sampling.append(job.results)
             progress.output(model, history)
             watched.check(error)
             yield energy, error
@@ -241,20 +211,9 @@ def steps(
         progress.log(told)
 
 
-def timed_steps(model: Model, clock: Clock, resumed: bool) -> Iterator[State]:
-    """Yield the states of the run; what neither loads nor others are timed for is ``update``."""
-    began, busy = time.perf_counter(), sum(clock.seconds.values())
-    yield from central_difference(
-        model.state,
-        model.mass.petsc_vec,
-        [clock.timed(model.phase_of(add), add) for add in model.loads],
-        model.drives or model.supports,
-        model.dt,
-        round(model.scene.time.end / model.dt) * model.dt,
-        model.connections.masses if model.connections is not None else None,
-        model.dead.nodal,
-        resumed=resumed,
-        last=[clock.timed(model.phase_of(add), add) for add in model.last],
-    )
-    others = sum(clock.seconds.values()) - busy
-    clock.seconds["update"] += time.perf_counter() - began - others
+def tell_offsets(model: Model, log: Log) -> None:
+    """Log which contacts overlapped at the start, where that does not count."""
+    for name, pair in model.pairs.items():
+        count, depth = pair.initial_offsets
+        if count:
+            log(f"contacts.{name}: {count} nodes overlap by up to {depth:.1e} m at first, offset")

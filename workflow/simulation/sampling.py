@@ -18,20 +18,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from workflow.model.regions import area_shares, facets, surface_nodes
-from workflow.scene.scene import SceneError
+from meshes.arrays import Array, Index
+from meshes.domain import Domain
+from meshes.quads import area_shares
+from workflow.model import Model
+from workflow.model.regions import facets, surface_nodes
+from workflow.results.columns import extend
+from workflow.results.samples import UNITS
+from workflow.results.writer import Results
+from workflow.scene import SceneError
 from workflow.scene.settings import Probe
+from workflow.simulation.rolling import spin
 
 if TYPE_CHECKING:
     from contact import ContactPair
-    from meshes.domain import Domain
-    from workflow.model.model import Model
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
-def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
+def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     """Return the nodes of a probe and their shares in its mean, which sum to 1.
 
     Args:
@@ -43,25 +46,25 @@ def place(probe: Probe, domain: "Domain", mass: Array) -> tuple[Index, Array]:
     if probe.surface is not None:
         nodes = surface_nodes(domain, probe.surface)
     elif probe.region is not None:
-        nodes = np.unique(source.cells[np.isin(source.regions, source.tags([probe.region]))])
+        nodes = source.nodes(source.tag(probe.region))
     else:
         nodes = np.unique(source.cells)
     if probe.point is not None:
         away = np.linalg.norm(source.points[nodes] - probe.point, axis=1)
         return nodes[[int(np.argmin(away))]], np.ones(1)
     if probe.surface is not None:
-        return area_shares(domain, facets(domain, probe.surface))
+        return area_shares(domain.source.points, facets(domain, probe.surface))
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
-class Gauge:
+class ProbeSampler:
     """One probe: means of its motion over windows, this rank's part.
 
     Attributes:
         nodes: Its mesh nodes.
     """
 
-    def __init__(self, probe: Probe, model: "Model", mass: Array) -> None:
+    def __init__(self, probe: Probe, model: Model, mass: Array) -> None:
         self.probe, self.state, self.dt = probe, model.state, model.dt
         self.nodes, share = place(probe, model.domain, mass)
         local = model.domain.local_dofs(self.nodes)
@@ -99,7 +102,7 @@ class Gauge:
         self.start, self.sum = now, now / 2
 
 
-class Touch:
+class ContactSampler:
     """The forces of one contact pair: means over windows, alike on all ranks, kept on rank 0.
 
     Attributes:
@@ -163,7 +166,7 @@ class Sampling:
         written: Samples that are in the results already.
     """
 
-    def __init__(self, model: "Model") -> None:
+    def __init__(self, model: Model) -> None:
         scene, domain = model.scene, model.domain
         assert scene.output.sample_interval is not None
         self.every = max(1, round(scene.output.sample_interval / model.dt))
@@ -174,29 +177,31 @@ class Sampling:
         if any(p.region is not None and p.point is None for p in scene.probes):
             mass[domain.nodes[: domain.owned]] = model.mass.array[::3][: domain.owned]
             mass = comm.allreduce(mass)
-        self.gauges = [Gauge(probe, model, mass) for probe in scene.probes]
-        self.touches = {n: Touch(p) for n, p in model.pairs.items()} if comm.rank == 0 else {}
-        self.busy = [g for g in self.gauges if g.every_step]
+        self.probes = [ProbeSampler(probe, model, mass) for probe in scene.probes]
+        self.contacts = (
+            {n: ContactSampler(p) for n, p in model.pairs.items()} if comm.rank == 0 else {}
+        )
+        self.busy = [g for g in self.probes if g.every_step]
         self.clear()
 
     def clear(self) -> None:
         """Forget the samples that wait to be written."""
         self.t: list[float] = []
         self.motion: list[Array] = []
-        self.force: dict[str, list[tuple[Array, Index, Array]]] = {n: [] for n in self.touches}
+        self.force: dict[str, list[tuple[Array, Index, Array]]] = {n: [] for n in self.contacts}
 
     def lines(self) -> list[str]:
         """Say what is sampled, for the log."""
         points = self.model.domain.source.points
         told = [f"sampled: means over {self.every} steps, {self.interval * 1e6:.3f} us"]
-        for gauge in self.gauges:
-            probe, n = gauge.probe, len(gauge.nodes)
+        for sampler in self.probes:
+            probe, n = sampler.probe, len(sampler.nodes)
             where = f"mean of the {n} nodes of {probe.surface or probe.region}"
             if probe.point is not None:
-                at = points[gauge.nodes[0]]
+                at = points[sampler.nodes[0]]
                 off = np.linalg.norm(at - probe.point)
                 x, y, z = at
-                where = f"node {gauge.nodes[0]} at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+                where = f"node {sampler.nodes[0]} at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
                 where += f", {off:.1e} m from the point given"
             told.append(f"probe {probe.name}: {probe.quantity} of {where}")
         return told
@@ -207,23 +212,29 @@ class Sampling:
         if edge and self.open:
             self._close()
         elif edge:
-            for gauge in self.gauges:
-                gauge.begin()
-            for touch in self.touches.values():
-                touch.begin()
+            for sampler in self.probes:
+                sampler.begin()
+            for contact in self.contacts.values():
+                contact.begin()
             self.open = True
         elif self.open:
-            for gauge in self.busy:
-                gauge.follow()
-            for touch in self.touches.values():
-                touch.follow()
+            for sampler in self.busy:
+                sampler.follow()
+            for contact in self.contacts.values():
+                contact.follow()
 
     def _close(self) -> None:
         self.t.append(self.model.state.t - self.interval / 2)
-        if self.gauges:
-            self.motion.append(np.array([gauge.close(self.every) for gauge in self.gauges]))
-        for name, touch in self.touches.items():
-            self.force[name].append(touch.close(self.every))
+        if self.probes:
+            self.motion.append(np.array([sampler.close(self.every) for sampler in self.probes]))
+        for name, contact in self.contacts.items():
+            self.force[name].append(contact.close(self.every))
+
+    def append(self, results: Results) -> None:
+        """Add to the results what was sampled since the last time; collective."""
+        arrays = self.take()
+        if results.comm.bcast(len(arrays["t"])):
+            results.write(lambda file: _write(file, self, arrays))
 
     def take(self) -> dict[str, npt.NDArray[Any]]:
         """Return the waiting samples by name, whole on rank 0, and count them as written.
@@ -233,7 +244,7 @@ class Sampling:
         """
         whole = self._waiting()
         comm = self.model.domain.msh.comm
-        if self.gauges:
+        if self.probes:
             parts = comm.gather(whole["motion"])
             whole["motion"] = sum(parts[1:], parts[0]) if parts else whole["motion"]
         self.written += len(self.t)
@@ -243,7 +254,7 @@ class Sampling:
     def _waiting(self) -> dict[str, npt.NDArray[Any]]:
         """Return what waits by name, this rank's part of the motion."""
         arrays: dict[str, npt.NDArray[Any]] = {"t": np.array(self.t)}
-        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.gauges), 3)
+        arrays["motion"] = np.array(self.motion).reshape(len(self.t), len(self.probes), 3)
         for name, means in self.force.items():
             total, nodes, nodal = zip(*means, strict=True) if means else ((), (), ())
             arrays[f"{name}/total"] = np.array(total).reshape(-1, 2, 3)
@@ -257,12 +268,12 @@ class Sampling:
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that coming samples depend on, whole on rank 0; collective."""
         comm, waiting = self.model.domain.msh.comm, self._waiting()
-        starts = np.array([[g.start, g.sum] for g in self.gauges]).reshape(-1, 2, 3)
+        starts = np.array([[g.start, g.sum] for g in self.probes]).reshape(-1, 2, 3)
         waiting["motion"], waiting["start"] = (
             np.array(comm.allgather(part)) for part in (waiting["motion"], starts)
         )
-        for name, touch in self.touches.items():
-            waiting |= {f"{name}/sum": touch.total.copy(), f"{name}/sums": touch.nodal.copy()}
+        for name, contact in self.contacts.items():
+            waiting |= {f"{name}/sum": contact.total.copy(), f"{name}/sums": contact.nodal.copy()}
         return waiting | {"every": np.array([self.every, self.written, self.open])}
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
@@ -282,11 +293,11 @@ class Sampling:
         self.open, self.t = bool(opened), list(memory["t"])
         comm = self.model.domain.msh.comm
         motion, start = (self._mine(memory[key], comm) for key in ("motion", "start"))
-        self.motion = list(motion) if self.gauges else []
-        for gauge, (before, sums) in zip(self.gauges, start, strict=True):
-            gauge.start, gauge.sum = before.copy(), sums.copy()
-        for name, touch in self.touches.items():
-            touch.total[:], touch.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
+        self.motion = list(motion) if self.probes else []
+        for sampler, (before, sums) in zip(self.probes, start, strict=True):
+            sampler.start, sampler.sum = before.copy(), sums.copy()
+        for name, contact in self.contacts.items():
+            contact.total[:], contact.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
             cuts = np.cumsum(memory[f"{name}/count"])[:-1]
             nodes, nodal = (np.split(memory[f"{name}/{key}"], cuts) for key in ("node", "nodal"))
             self.force[name] = list(zip(memory[f"{name}/total"], nodes, nodal, strict=False))
@@ -298,3 +309,57 @@ class Sampling:
             return np.asarray(parts[comm.rank])
         whole = parts.sum(axis=0)
         return whole if comm.rank == 0 else np.zeros_like(whole)
+
+
+def _write(file: Any, sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -> None:
+    """Add samples to an open results file."""
+    root = file.require_group("probes")
+    if "interval" not in root.attrs:
+        root.attrs["interval"] = sampling.interval
+        root.attrs["about"] = "means over windows of that length [s], t in their middle"
+        _describe_rolling(root, sampling)
+    extend(root, "t", arrays["t"], "s")
+    points = sampling.model.domain.source.points
+    for i, sampler in enumerate(sampling.probes):
+        name, kind = sampler.probe.name, sampler.probe.quantity
+        data = extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
+        if "quantity" not in data.attrs:
+            data.attrs["quantity"] = kind
+            data.attrs["nodes"] = len(sampler.nodes)
+            data.attrs["place"] = points[sampler.nodes].mean(axis=0)
+            data.attrs["body"] = body_of(sampling, int(sampler.nodes[0]))
+    for name in sampling.contacts:
+        group = root.require_group(f"contact/{name}")
+        if "surface" not in group:
+            _describe_surface(group, sampling, name)
+        total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
+        extend(group, "normal_force", total[:, 0], "N")
+        extend(group, "tangential_force", total[:, 1], "N")
+        extend(group, "nodal/count", arrays[f"{name}/count"], "1")
+        extend(group, "nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
+        extend(group, "nodal/normal_force", nodal[:, :3], "N")
+        extend(group, "nodal/tangential_force", nodal[:, 3:], "N")
+
+
+def _describe_rolling(root: Any, sampling: Sampling) -> None:
+    """Note how the wheelset turns, so that forces can be brought into its own axes."""
+    model = sampling.model
+    if model.scene.rolling is not None:
+        root.attrs["spin"] = spin(model)
+        root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
+
+
+def _describe_surface(group: Any, sampling: Sampling, pair: str) -> None:
+    """Note body, nodes and reference positions of the contactor of a pair."""
+    contactor = sampling.contacts[pair].side.contactor
+    order = np.argsort(contactor.nodes)
+    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
+    group["surface/node"] = contactor.nodes[order].astype(np.int32)
+    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
+
+
+def body_of(sampling: Sampling, node: int) -> str:
+    """Return the name of the body that a mesh node belongs to."""
+    mesh, bodies = sampling.model.domain.source, sampling.model.scene.bodies
+    region = mesh.name(int(mesh.regions[(mesh.cells == node).any(axis=1)][0]))
+    return next(n for n, b in bodies.items() if region in [r.lower() for r in b.regions])

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Explicit central difference: the step of every dynamic run.
+"""Central difference: the explicit step of every dynamic run.
 
 Conventions: ``u`` is at t, ``v`` at t − dt/2. When a state is yielded, ``a`` is the acceleration at
 t, so the velocity at t is ``v + dt/2 a``: the mean of the two half-step velocities.
 """
 
+import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -15,28 +15,51 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 
-from forms.springs.connections import PointMasses
+from forms.loads import DeadLoad
+from workflow.model.state import Load, State
 
-Load = Callable[["State", dolfinx.la.Vector], None]
+if TYPE_CHECKING:
+    from workflow.model.model import Model
+    from workflow.simulation.progress import Clock
 
 
-@dataclass
-class State:
-    """Motion of all bodies; mutated by the stepping, copy what you keep.
+def steps(
+    model: "Model", t_end: float, clock: "Clock | None" = None, *, resumed: bool = False
+) -> Iterator[State]:
+    """Yield the state of a model at every step from now to ``t_end``.
 
-    Attributes:
-        u: Displacement at t [m].
-        v: Velocity at t − dt/2 [m/s] (at the start: at t).
-        a: Acceleration at t [m/s²]; the nodal force while the loads add to it [N].
-        t: Time [s].
-        step: Steps done.
+    Args:
+        model: The model.
+        t_end: Last time [s].
+        clock: Takes the time of every item as its phase, and what is left as ``update``.
+        resumed: As for :func:`central_difference`.
     """
+    dead = [item for item in model.items if isinstance(item, DeadLoad)]
+    acting = [item for item in model.items if not isinstance(item, DeadLoad)]
+    last = [item for item in acting if getattr(item, "last", False)]
+    # what supports hold must not be foreseen to move by those that read the sum of all forces
+    held: list[Load] = [lambda state, force: model.supports(force)] if last else []
 
-    u: dolfinx.fem.Function
-    v: dolfinx.fem.Function
-    a: dolfinx.la.Vector
-    t: float = 0.0
-    step: int = 0
+    def timed(item: Any) -> Load:
+        phase = getattr(item, "phase", "update")
+        return item.add if clock is None else clock.timed(phase, item.add)
+
+    began, busy = time.perf_counter(), sum(clock.seconds.values()) if clock else 0.0
+    yield from central_difference(
+        model.state,
+        model.mass.petsc_vec,
+        [timed(item) for item in acting if item not in last],
+        model.hold,
+        model.dt,
+        t_end,
+        moving=[item for item in acting if hasattr(item, "back")],
+        dead=sum((item.nodal for item in dead), np.zeros(3 * model.domain.owned)),
+        last=[*held, *(timed(item) for item in last)],
+        resumed=resumed,
+    )
+    if clock is not None:
+        others = sum(clock.seconds.values()) - busy
+        clock.seconds["update"] += time.perf_counter() - began - others
 
 
 def central_difference(
@@ -46,7 +69,7 @@ def central_difference(
     hold: Callable[[dolfinx.la.Vector], None],
     dt: float,
     t_end: float,
-    points: PointMasses | None = None,
+    moving: Iterable[Any] = (),
     dead: npt.NDArray[np.float64] | None = None,
     resumed: bool = False,
     last: Iterable[Load] = (),
@@ -60,7 +83,7 @@ def central_difference(
         hold: Removes the held components from an acceleration.
         dt: Step [s].
         t_end: Last time [s].
-        points: Point masses that move with the bodies.
+        moving: What moves beside the mesh by ``back(dt)`` and ``step(dt)``, as point masses do.
         dead: Constant force on the owned dofs that every step starts from [N]; none: zero.
         last: Loads that read the sum of all others, complete on owned dofs, and add to these only.
         resumed: The state is one that was yielded, acceleration included: go on with its kick.
@@ -84,8 +107,8 @@ def central_difference(
             hold(state.a)
             if start:
                 v.axpy(-dt / 2, a)  # from v at t to v at t - dt/2
-                if points is not None:
-                    points.back(dt / 2)
+                for item in moving:
+                    item.back(dt / 2)
                 start = False
             yield state
         known = False
@@ -93,8 +116,8 @@ def central_difference(
             return
         v.axpy(dt, a)  # kick
         u.axpy(dt, v)  # drift
-        if points is not None:
-            points.step(dt)
+        for item in moving:
+            item.step(dt)
         state.u.x.scatter_forward()
         state.v.x.scatter_forward()
         state.t += dt

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run tells of itself: a row of history and the footprints at each output, the summary."""
+"""Outputs of a run: a row of history and the footprints at each, the summary at the end."""
 
 from importlib.metadata import version
 from typing import Any
@@ -27,7 +27,6 @@ def output(model: Model, results: Results, energy: Energy, error: float) -> dict
             f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
         }
     results.append(history, footprints, motions)
-    results.append_samples(model.sampling)
     results.append_fields(state.t, u, v)
     return history
 

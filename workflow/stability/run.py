@@ -18,17 +18,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.theory.closed_forms import hertz_line, hertz_sphere
+from meshes.arrays import Array
 from workflow.model.model import Model
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import CapMesh, CurvedMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.guards import GuardError
 from workflow.stability.cases import BASES, CELL, HEIGHT, QUIET, RHO, SPEED, Case, cases
-
-Array = npt.NDArray[np.float64]
 
 TOLERANCES = {
     "normal force": 0.02,
@@ -84,7 +82,7 @@ def scene_of(case: Case, folder: Path) -> Scene:
 
     mesh, _ = mesh_of(scene)
     points = mesh.points * np.array(case.moved.get("scale", (1.0, 1.0, 1.0)))
-    block = np.unique(mesh.cells[mesh.regions == Tag.BLOCK])
+    block = mesh.nodes(Tag.BLOCK)
     points[block] += np.array(case.moved.get("block", (0.0, 0.0, 0.0)))
     points += np.array(case.moved.get("all", (0.0, 0.0, 0.0)))
     path = folder / "mesh.vtu"
@@ -135,7 +133,7 @@ class Seen:
 
 def mean_velocity(model: Model, body: str) -> Array:
     """Return the velocity of a body's centre of mass half a step ago [m/s]; serial."""
-    dofs = model.body_dofs(body)
+    dofs = model.bodies.dofs(body)
     m = model.mass.array[::3][dofs]
     return np.asarray(m @ model.state.v.x.array.reshape(-1, 3)[dofs] / m.sum())
 

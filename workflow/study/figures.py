@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST
-from workflow.figures.style import Array
 from workflow.results.record import Contact, Record
 from workflow.study.table import Row, front, grouped, parameters, shipped
 
@@ -36,8 +36,8 @@ SHEAR = (
 MEASURES = (
     ("vertical_force", 1e-3, "vertical force", "force [kN]"),
     ("normal_force", 1e-3, "normal force", "force [kN]"),
-    ("angle", 1.0, "contact angle", "to the vertical [°]"),
-    ("shear_angle", 1.0, "shear angle θ", "from −longitudinal [°]"),
+    ("contact_angle", style.DEGREES, "contact angle", "to the vertical [°]"),
+    ("shear_angle", style.DEGREES, "shear angle θ", "from −longitudinal [°]"),
 )
 
 
@@ -57,7 +57,7 @@ def shear_of_patches(table: Sequence[Row], records: Records) -> "Figure | None":
             for place in (1, 2):
                 _curve(axes, contact, place, quantity, scale, factor, colour)
         for axes, place in zip(panels[2:], (1, 2), strict=True):
-            _curve(axes, contact, place, "shear_angle", scale, 1.0, colour)
+            _curve(axes, contact, place, "shear_angle", scale, style.DEGREES, colour)
         panels[0].plot([], [], color=colour, lw=2.5, label=label)
     for place in (1, 2):
         name, line = style.PATCH_NAME[place], LINE[place]

@@ -13,7 +13,8 @@ from typing import Any, TextIO
 
 import tomli_w
 
-from workflow.results.writer import check_free
+from workflow.results.folder import check_free
+from workflow.scene.keys import flat
 from workflow.scene.scene import Scene, SceneError
 from workflow.study.study import Run, Study
 
@@ -64,17 +65,8 @@ def _different(made: Mapping[str, Any], run: Run) -> str | None:
     """Return the first key in which a scene that was run differs."""
     with contextlib.suppress(SceneError):
         made = Scene.check(made).tables()  # with the defaults of today
-    ways = dict(_leaves(made)), dict(_leaves(run.scene.tables()))
-    keys = [*ways[0], *(key for key in ways[1] if key not in ways[0])]
-    return next((key for key in keys if ways[0].get(key) != ways[1].get(key)), None)
-
-
-def _leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{before}{name}.")
-        else:
-            yield f"{before}{name}", value
+    there, here = dict(flat(made)), dict(flat(run.scene.tables()))
+    return next((key for key in there | here if there.get(key) != here.get(key)), None)
 
 
 def _put(path: Path, text: str) -> None:

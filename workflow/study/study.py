@@ -12,6 +12,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from workflow.scene import keys
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.scene import read as read_scene
 from workflow.scene.units import Count, Section, explain
@@ -81,7 +82,7 @@ class Study(Section):
                 update={
                     "scene": part.scene or self.scene,
                     "ranks": part.ranks or self.ranks,
-                    "set": _joined(self.set, part.set),
+                    "set": keys.joined(self.set, part.set),
                 }
             )
             for part in self.groups
@@ -180,10 +181,10 @@ def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str
         raise SceneError("scene: missing; expected a built-in scene or a TOML file")
     if not isinstance(ranks, int) or isinstance(ranks, bool) or ranks < 1:
         raise SceneError(f"ranks = {ranks!r}: expected an integer, at least 1")
-    own = _nested({key: value for key, value in row.items() if key not in OWN})
+    own = keys.nested({key: value for key, value in row.items() if key not in OWN})
     tables = read_scene(source)
-    for changes in (_nested(part.set), own, _nested(over)):
-        tables = _joined(tables, changes)
+    for changes in (keys.nested(part.set), own, keys.nested(over)):
+        tables = keys.joined(tables, changes)
     scene = Scene.check(tables)
     check_profiles(scene)
     return Run(name, part.name, label, scene, ranks, row)
@@ -191,10 +192,13 @@ def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str
 
 def _points(part: Group) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield a label and the changed keys of every run of a group."""
-    grid = dict(_lists(part.vary, ""))
+    grid = dict(keys.flat(part.vary))
+    for key, values in grid.items():
+        if not (isinstance(values, list) and values):
+            raise SceneError(f"vary.{key} = {values!r}: expected a list of values")
     for number, row in enumerate(part.runs or [Row()], 1):
         own = {key: getattr(row, key) for key in OWN if getattr(row, key) is not None}
-        own |= dict(_flat(row.model_extra or {}))
+        own |= dict(keys.flat(row.model_extra or {}))
         for values in itertools.product(*grid.values()):
             point = dict(zip(grid, values, strict=True))
             if both := [key for key in point if key in own]:
@@ -221,51 +225,6 @@ def _told(value: Any) -> str:
 def _slug(name: str) -> str:
     """Return a name that is safe as that of a folder, in a shell and in a pattern."""
     return re.sub(r"[^\w.=,+-]+", "-", name).strip("-.") or "run"
-
-
-def _lists(table: Mapping[str, Any], before: str) -> Iterator[tuple[str, list[Any]]]:
-    """Yield dotted key and values of every parameter of ``vary``."""
-    for name, value in table.items():
-        key = f"{before}{name}"
-        if isinstance(value, Mapping):
-            yield from _lists(value, f"{key}.")
-        elif isinstance(value, list) and value:
-            yield key, value
-        else:
-            raise SceneError(f"vary.{key} = {value!r}: expected a list of values")
-
-
-def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted key and value of nested tables."""
-    for name, value in table.items():
-        if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{before}{name}.")
-        else:
-            yield f"{before}{name}", value
-
-
-def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables that dotted keys, in quotes or not, stand for."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        *above, last = key.split(".")
-        inner = _nested(value) if isinstance(value, Mapping) else value
-        entry = {last: inner}
-        for name in reversed(above):
-            entry = {name: entry}
-        found = _joined(found, entry)
-    return found
-
-
-def _joined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nested tables with those of ``second`` put over ``first``."""
-    both = dict(first)
-    for key, value in second.items():
-        under = both.get(key)
-        if isinstance(value, Mapping) and isinstance(under, Mapping):
-            value = _joined(under, value)
-        both[key] = value
-    return both
 
 
 def _tables(value: Any) -> Iterator[dict[str, Any]]:

@@ -6,34 +6,33 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from workflow.study import folder as study_folder
 from workflow.results.record import Record
+from workflow.results.table import Column, Table
+from workflow.study import folder as study_folder
+from workflow.theory.errors import closed_form_error
 
 Row = dict[str, Any]
 
-# what a screen has room for, with the heading and how to print it
-SHOWN = {
-    "cells": ("cells", "{:.0f}"),
-    "steps": ("steps", "{:.0f}"),
-    "wall_seconds": ("wall s", "{:.1f}"),
-    "processor_seconds": ("CPU s", "{:.1f}"),
-    "closed_form_error": ("error", "{:.2%}"),
-    "balance_error": ("energy error", "{:+.0e}"),
-    "normal_force": ("normal kN", "{:.2f}"),
-    "vertical_force": ("vertical kN", "{:.2f}"),
-    "theta_1": ("θ₁ °", "{:.0f}"),
-    "theta_2": ("θ₂ °", "{:.0f}"),
-}
+# what a screen has room for
+SHOWN = (
+    Column("run", "run", words=True),
+    Column("cells", "cells", ".0f"),
+    Column("steps", "steps", ".0f"),
+    Column("wall", "wall_seconds", ".1f", "s"),
+    Column("CPU", "processor_seconds", ".1f", "s"),
+    Column("error", "closed_form_error", ".2%"),
+    Column("energy error", "balance_error", "+.0e"),
+    Column("normal", "normal_force", ".2f", "kN", 1e-3),
+    Column("vertical", "vertical_force", ".2f", "kN", 1e-3),
+    Column("θ₁", "theta_1", ".0f", "°"),
+    Column("θ₂", "theta_2", ".0f", "°"),
+)
 TIMES = ("wall_seconds", "processor_seconds")  # the second hardly sees other work on the machine
 ALIKE = 0.05  # what times of the same work may differ by
-KILO = ("normal_force", "vertical_force")
 
 
 def rows(folder: Path, names: Sequence[str] | None = None) -> list[Row]:
@@ -54,9 +53,6 @@ def _row(folder: Path, name: str, about: Mapping[str, Any]) -> Row:
     row["status"] = study_folder.reason(folder, name)
     if row["status"] != "done":
         return row
-    from workflow.results.record import Record
-    from workflow.theory.errors import closed_form_error
-
     summary, record = study_folder.summary(folder, name), Record(folder / "runs" / name)
     row |= dict(_numbers(summary)) | dict(_patches(record))
     if found := closed_form_error(record):
@@ -80,8 +76,8 @@ def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{before}tangential_{axis}_force", value
 
 
-def _patches(record: "Record") -> Iterator[tuple[str, float]]:
-    """Yield contact angle and θ of each patch where it was last seen, and the vertical force."""
+def _patches(record: Record) -> Iterator[tuple[str, float]]:
+    """Yield vertical force, and contact angle and θ [°] of each patch where it was last seen."""
     if not record.contacts:
         return
     contact = next(iter(record.contacts.values()))
@@ -91,11 +87,11 @@ def _patches(record: "Record") -> Iterator[tuple[str, float]]:
         if contact.two_points.any():
             yield "second_patch_at", float(contact.t[int(np.argmax(contact.two_points))])
         for place in (1, 2):
-            for name, quantity in ((f"angle_{place}", "angle"), (f"theta_{place}", "shear_angle")):
-                seen = contact.series(place, quantity)
+            for name, quantity in (("angle", "contact_angle"), ("theta", "shear_angle")):
+                seen = np.degrees(contact.series(place, quantity))
                 seen = seen[np.isfinite(seen)]
                 if len(seen):
-                    yield name, float(seen[-1])
+                    yield f"{name}_{place}", float(seen[-1])
 
 
 def write(table: Sequence[Row], path: Path) -> Path:
@@ -167,29 +163,12 @@ def verdicts(table: Sequence[Row], cost: str = "processor_seconds") -> dict[str,
     return found
 
 
-def show(table: Sequence[Row], title: str, console: "Console") -> None:
-    """Print the main columns of the rows, those that any of them has."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    columns = {k: v for k, v in SHOWN.items() if any(k in row for row in table)}
-    if "closed_form_error" in columns:
-        columns = {k: v for k, v in columns.items() if k not in KILO}
-    printed = Table(title=title, box=SIMPLE_HEAD)
-    printed.add_column("run", no_wrap=True)
-    for heading, _ in columns.values():
-        printed.add_column(heading, justify="right")
-    for row in (row for row in table if row["status"] == "done"):
-        cells = []
-        for key, (_, form) in columns.items():
-            value = row.get(key)
-            scale = 1e-3 if key in KILO else 1
-            cells.append("" if value is None else form.format(value * scale))
-        printed.add_row(row["run"], *cells)
-    console.print(printed)
-    for row in (row for row in table if row["status"] != "done"):
-        console.print(f"{row['run']}: {row['status']}", highlight=False, soft_wrap=True)
+def printout(table: Sequence[Row], title: str) -> Iterator[str | Table]:
+    """Yield the main columns of the rows, those that any of them has, and the fronts."""
+    columns = [c for c in SHOWN if any(c.of in row for row in table)]
+    if any(c.of == "closed_form_error" for c in columns):
+        columns = [c for c in columns if c.unit != "kN"]
+    yield Table(title, columns, [row for row in table if row["status"] == "done"])
+    yield from (f"{row['run']}: {row['status']}" for row in table if row["status"] != "done")
     for group, text in verdicts(table).items():
-        console.print(
-            f"front{f' of {group}' if group else ''}: {text}", highlight=False, soft_wrap=True
-        )
+        yield f"front{f' of {group}' if group else ''}: {text}"

@@ -12,16 +12,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.creepage import rigid_motion
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import Expected, expected, softened
+from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.model.geometry import placement_of, profiles_of
-from workflow.results.record import Patch, Record, patches_of
+from workflow.model.regions import owners
+from workflow.results.record import PatchNodes, Record, patches_of
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene
@@ -29,7 +30,6 @@ from workflow.scene.scene import Scene
 if TYPE_CHECKING:
     from workflow.model.model import Model
 
-Array = npt.NDArray[np.float64]
 
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
 ON = 2e-4  # a node nearer to the drawn surface than this is on it [m]
@@ -46,7 +46,7 @@ class AtRest:
         overlap: Of the nodes, the largest [m].
     """
 
-    patch: Patch
+    patch: PatchNodes
     expected: Expected
     softened: Expected
     overlap: float
@@ -59,7 +59,7 @@ class AtRest:
     @property
     def pressure(self) -> Array:
         """Nodal pressures, shape ``(n,)`` [Pa]."""
-        return np.asarray(self.patch.pressing / self.patch.areas)
+        return np.asarray(self.patch.pressure)
 
     @property
     def error(self) -> float:
@@ -85,7 +85,7 @@ class AtRest:
         The half axes are those of the ellipse of the same second moments: ``a**2 / 5`` for Hertz.
         """
         e, nodes = self.expected, self.patch
-        axes = half_axes(self.at, nodes.pressing)
+        axes = half_axes(self.at, nodes.normal_forces)
         rows = {"nodes": (float(self.pressure.max()), *axes, nodes.area)}
         for name, there in (("half-space", e), ("half-space with layer", self.softened)):
             p = there.half_space.pressure
@@ -97,9 +97,10 @@ class AtRest:
     def lines(self) -> list[str]:
         """Return the comparison in words and numbers, a line each."""
         e, patch = self.expected, self.patch
+        angle, nodes = np.degrees(patch.contact_angle), len(patch.areas)
         said = [
-            f"at rest: {patch.normal_force / 1e3:.1f} kN at {patch.angle:.1f}° on "
-            f"{len(patch.pressing)} nodes; undeformed profiles touch at {e.angle:.1f}°, relative "
+            f"at rest: {patch.normal_force / 1e3:.1f} kN at {angle:.1f}° on "
+            f"{nodes} nodes; undeformed profiles touch at {e.angle:.1f}°, relative "
             f"radii {e.radii[0]:.3f} m along, {e.radii[1]:.3f} m across"
         ]
         said += [
@@ -172,7 +173,7 @@ def tell(model: "Model", log: Callable[[str], Any]) -> None:
 def compared(
     scene: Scene,
     at: Placement,
-    patch: Patch,
+    patch: PatchNodes,
     tyre: tuple[Array, Array],
     head: tuple[Array, Array],
     overlap: float,
@@ -197,11 +198,11 @@ def compared(
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
     load = patch.normal_force
     hard = expected(wheel, rail, patch.centre, load, modulus)
-    layer = overlap / float((patch.pressing / patch.areas).max())
+    layer = overlap / float(patch.pressure.max())
     return AtRest(patch, hard, softened(hard, wheel, rail, load, modulus, layer), overlap)
 
 
-def standing(surface: Surface, points: Array, u: Array, patch: Patch) -> Surface:
+def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Surface:
     """Return a surface moved as the nodes on it around a patch have moved in the mean.
 
     Args:
@@ -219,9 +220,9 @@ def standing(surface: Surface, points: Array, u: Array, patch: Patch) -> Surface
     return surface.moved(moved.velocity, moved.spin, patch.centre)
 
 
-def whole(patches: list[Patch]) -> Patch:
+def whole(patches: list[PatchNodes]) -> PatchNodes:
     """Return the nodes of all patches as one."""
-    return Patch(*(np.concatenate([vars(p)[k] for p in patches]) for k in vars(patches[0])))
+    return PatchNodes(*(np.concatenate([vars(p)[k] for p in patches]) for k in vars(patches[0])))
 
 
 def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
@@ -236,10 +237,10 @@ def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
 
 def modulus_of(scene: Scene) -> float | None:
     """Return the contact modulus E* of tyre and rail head [Pa], None if they are not isotropic."""
-    constants = []
+    constants, body_of = [], owners(scene)
     for region in ("tyre", "rail_head"):
-        bodies = [b for b in scene.bodies.values() if region in [r.lower() for r in b.regions]]
-        if len(bodies) != 1 or not isinstance(bodies[0].material, Isotropic):
+        material = scene.bodies[body_of[region]].material if region in body_of else None
+        if not isinstance(material, Isotropic):
             return None
-        constants += [bodies[0].material.youngs_modulus, bodies[0].material.poisson_ratio]
+        constants += [material.youngs_modulus, material.poisson_ratio]
     return contact_modulus(*constants)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.figures.style import Array
-from workflow.results.record import Patch, Record
+from meshes.arrays import Array
+from workflow.model.regions import owners
+from workflow.results.record import PatchNodes, Record
 
 if TYPE_CHECKING:
     from contact.theory.closed_forms import Hertz
@@ -64,7 +65,7 @@ class Smooth:
             return hertz_line(load, self.radii[0], self.modulus)
         return hertz_ellipse(load, *self.radii, self.modulus)
 
-    def local(self, patch: Patch) -> Array:
+    def local(self, patch: PatchNodes) -> Array:
         """Return the positions of contact nodes from the centre of the contact, ``(n, 2)`` [m]."""
         centre = np.where(self.halved, 0.0, patch.centre[:2])
         return np.asarray(patch.position[:, :2] - centre)
@@ -83,15 +84,10 @@ def smooth(record: Record) -> Smooth | None:
     from workflow.scene.mesh import CapMesh, CurvedMesh
 
     scene = checked(record)
-    mesh, bodies = scene.mesh, list(scene.bodies.values())
+    mesh, body_of = scene.mesh, owners(scene)
     if not isinstance(mesh, CapMesh | CurvedMesh) or len(scene.contacts) != 1:
         return None
-    materials = [
-        body.material
-        for region in mesh.regions
-        for body in bodies
-        if region in [r.lower() for r in body.regions]
-    ]
+    materials = [scene.bodies[body_of[region]].material for region in mesh.regions]
     constants = [(m.youngs_modulus, m.poisson_ratio) for m in materials if isinstance(m, Isotropic)]
     if len(constants) != 2:
         return None

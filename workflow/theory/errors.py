@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.theory.closed_forms import bar_impact, carter_creepage, cattaneo_mindlin
-from workflow.figures.style import Array
-from workflow.results.record import Patch, Record
+from meshes.arrays import Array
+from workflow.results.record import PatchNodes, Record
 from workflow.results.samples import read as read_samples
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import BarMesh
@@ -103,22 +103,22 @@ def _zero(t: Array, values: Array, k: int) -> float:
     return float(t[k] + values[k] / (values[k] - values[k + 1]) * (t[k + 1] - t[k]))
 
 
-def _pressure(patch: Patch, bodies: Smooth) -> float:
+def _pressure(patch: PatchNodes, bodies: Smooth) -> float:
     """Error of the pressure in the core of Hertz's ellipse or strip, rms over p₀ (row 13)."""
     hertz = bodies.hertz(patch.normal_force)
     x, y = bodies.local(patch).T
     core = np.hypot(x / hertz.a, y / hertz.b) < CORE
-    off = (patch.pressing / patch.areas - hertz.pressure(x, y))[core]
+    off = (patch.pressure - hertz.pressure(x, y))[core]
     return float(np.sqrt(np.mean(off**2)) / hertz.p0)
 
 
-def _shear(patch: Patch, bodies: Smooth, friction: float) -> float:
+def _shear(patch: PatchNodes, bodies: Smooth, friction: float) -> float:
     """Error of the shear traction along x, rms over its peak (row 14)."""
     P = bodies.whole(patch.normal_force)
-    Q = -bodies.whole(float(patch.traction[:, 0].sum()))
+    Q = -bodies.whole(float(patch.tangential_forces[:, 0].sum()))
     r = np.hypot(*bodies.local(patch).T)
     exact = cattaneo_mindlin(r, bodies.hertz(patch.normal_force), Q, P, friction)
-    off = -patch.traction[:, 0] / patch.areas - exact
+    off = -patch.tangential_forces[:, 0] / patch.areas - exact
     return float(np.sqrt(np.mean(off**2)) / np.abs(exact).max())
 
 

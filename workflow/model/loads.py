@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Loads of a scene: gravity and tractions, mass-proportional damping, drive torque."""
+
+import numpy as np
+import ufl
+from dolfinx import la
+
+from forms.elasticity import exact
+from forms.kernel import CellKernel
+from forms.loads import DeadLoad, DriveTorque, MassDamping, gravity, nodal_traction
+from meshes.arrays import Array
+from meshes.domain import Domain
+from workflow.model.bodies import Bodies
+from workflow.model.supports import axle
+from workflow.scene import Scene
+
+
+def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
+    """Return gravity and tractions as a constant force."""
+    vector = la.vector(domain.V.dofmap.index_map, 3)
+    vector.array[:] = 0.0
+    if scene.gravity is not None:
+        w, dx = ufl.TestFunction(domain.V), exact(domain.msh, domain.regions)
+        bodies, tags = scene.bodies.values(), domain.source.tags
+        weight = sum(
+            gravity(w, b.material.density, scene.gravity) * dx(tags(b.regions)) for b in bodies
+        )
+        CellKernel(weight).add(vector)
+        vector.scatter_reverse(la.InsertMode.add)
+    nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
+    for load in scene.loads:
+        quads = domain.source.surface(domain.source.tag(load.surface))
+        force = nodal_traction(domain.source.points, quads, np.array(load.traction))
+        nodal += force[domain.nodes[: domain.owned]]
+    return DeadLoad(domain.msh.comm, nodal.ravel())
+
+
+def mass_damping(bodies: Bodies, mass: Array, dt: float) -> MassDamping:
+    """Return the mass-proportional damping of all bodies.
+
+    Args:
+        bodies: Bodies of the scene.
+        mass: Lumped mass of every local dof, shape ``(3 n_local,)`` [kg].
+        dt: Step [s].
+    """
+    owned = bodies.domain.owned
+    alpha = np.zeros((owned, 1))
+    for body, entry in bodies.scene.bodies.items():
+        alpha[bodies.dofs(body)] = entry.mass_damping
+    nodal = (mass.reshape(-1, 3)[:owned] * alpha).ravel()
+    return MassDamping(bodies.domain.msh.comm, nodal, dt)
+
+
+def drive_torque(scene: Scene, domain: Domain, mass: Array) -> DriveTorque:
+    """Return the drive of a rolling wheelset; its torque is set when the wheel load is known.
+
+    Args:
+        scene: The scene, rolling.
+        domain: Its mesh.
+        mass: Lumped mass of every local dof, shape ``(3 n_local,)`` [kg].
+    """
+    rolling = scene.rolling
+    assert rolling is not None
+    dofs = domain.region_dofs([rolling.driven_region])
+    return DriveTorque(
+        comm=domain.msh.comm,
+        dofs=dofs,
+        mass=mass[::3][dofs],
+        reference=domain.V.tabulate_dof_coordinates()[dofs],
+        axis=axle(scene),
+        torque=0.0,
+        ramp=rolling.torque_ramp,
+    )
