@@ -13,12 +13,10 @@
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.surface import Surface, tributary_area
+from meshes.arrays import Array
 from meshes.quads import corner_areas
-
-Array = npt.NDArray[np.float64]
 
 
 def node_foundation(surface: Surface) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import FACES
 from meshes.quads import area_vectors, corner_areas
 from meshes.quality import cell_volumes
@@ -15,8 +16,6 @@ from meshes.quality import cell_volumes
 if TYPE_CHECKING:
     from meshes.domain import Domain
     from meshes.hexmesh import HexMesh
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ Sources: K. L. Johnson, Contact Mechanics (1985), equations named in the functio
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,6 @@ def hertz_ellipse(load: float, radius_x: float, radius_y: float, modulus: float)
     flat, steep = max(radius_x, radius_y), min(radius_x, radius_y)
     if flat / steep < 1.0 + 1e-7:
         return hertz_sphere(load, radius_x, modulus)
-    from scipy.optimize import brentq  # a bar must not pay for them
-    from scipy.special import ellipe, ellipk
 
     def ratio(m: float) -> float:  # of the curvatures, as a function of eccentricity squared
         K, E = ellipk(m), ellipe(m)

@@ -243,8 +243,8 @@ def sliding(folder, **changes) -> tuple[dict, dict]:
 
     def probe(m):
         pair = m.pairs["face"]
-        h = pair.passes[0].history
-        over = np.linalg.norm(h.traction, axis=1) - FRICTION * h.pressing * (1 + 1e-12)
+        h = pair.passes[0].contact_state
+        over = np.linalg.norm(h.tangential_force, axis=1) - FRICTION * h.normal_force * (1 + 1e-12)
         lost = pair.friction_dissipation
         return m.state.t, *motion(m, "block", 0), pair.normal_force, over.max(), lost
 

@@ -65,11 +65,11 @@ def test_springs_are_those_of_the_kernel():
     model = at_rest()
     side = model.pairs["face"].passes[0]
     found = springs(side, model.state)
-    c = side.history.touching[: side.active]
+    c = side.contact_state.touching[: side.active]
     nodes = list(found.nodes[:, 0])
     mine = found.mass[[nodes.index(side.contactor.nodes[i]) for i in c]]
     np.testing.assert_allclose(
-        side.options.penalty * mine / model.dt**2, side.history.stiffness[c], rtol=1e-4
+        side.options.penalty * mine / model.dt**2, side.contact_state.stiffness[c], rtol=1e-4
     )
 
 

@@ -157,7 +157,7 @@ def masses(model: Model, settings: Relaxation) -> Array:
 def searches(model: Model) -> list[int]:
     """Return what changes whenever the candidates of a contact do, alike on all ranks."""
     sides = (side for pair in model.pairs.values() for side in pair.passes)
-    return [hash(side.near.item.tobytes()) for side in sides]
+    return [hash(side.candidates.item.tobytes()) for side in sides]
 
 
 def contact_mass(model: Model) -> Array:
@@ -168,9 +168,9 @@ def contact_mass(model: Model) -> Array:
     real = model.mass.array[: 3 * model.domain.owned]
     mass = np.zeros_like(real)
     for side in (side for pair in model.pairs.values() for side in pair.passes):
-        near = side.near
+        near = side.candidates
         stacked = np.concatenate([side.contactor.dofs, side.target.dofs])
-        facets = near.search.quad[near.search.live.astype(bool)]
+        facets = near.search.quad[near.found.live.astype(bool)]
         dofs = stacked[np.unique(np.concatenate([near.item, facets.ravel()]))]
         dofs = dofs[dofs >= 0]
         share = HEAVIER * side.options.penalty / (4 * SAFETY**2)
