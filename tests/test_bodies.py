@@ -11,8 +11,9 @@ import pytest
 
 from forms.elasticity import Elastic
 from forms.elements import LAWS, Law
-from forms.springs.connections import Connections, Spread
+from forms.springs.connections import Connections
 from forms.springs.point_masses import PointMasses
+from forms.springs.springs import spread
 from forms.springs.step_bound import attached, joined_step
 from workflow import Scene, run
 from workflow.model.bodies import step_bound
@@ -161,8 +162,7 @@ def test_dampers_away_from_the_stiffest_cells_cost_little_step():
     mass, omega = model.mass.array, 2 / model.dt_bound
     c = 1.0 * omega * mass.reshape(-1, 3)[end]
     none = PointMasses(np.zeros(0), np.zeros(3), *(np.zeros((0, 3)) for _ in range(3)))
-    ground = np.full(len(end), -1, dtype=np.int32)
-    pads = Connections(MPI.COMM_SELF, none, [Spread(end, ground, 0 * c, c, none)], dt=0.0)
+    pads = Connections(MPI.COMM_SELF, none, [spread(MPI.COMM_SELF, end, 0 * c, c)], dt=0.0)
     K, C = np.empty((len(mass), len(mass))), np.zeros(len(mass))
     C.reshape(-1, 3)[end] = c
     for j, row in enumerate(K):

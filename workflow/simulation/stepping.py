@@ -15,7 +15,7 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 
-from forms.springs.connections import PointMasses
+from forms.springs.point_masses import PointMasses
 
 Load = Callable[["State", dolfinx.la.Vector], None]
 
