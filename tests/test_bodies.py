@@ -137,6 +137,39 @@ def test_a_law_of_ones_own(tmp_path):
         np.testing.assert_allclose(given[column], expected[column], rtol=0, atol=1e-11 * scale)
 
 
+def test_a_registered_law_by_name(tmp_path, monkeypatch):
+    """A law of half the stress entered in LAWS is, by its name, the scene with half the modulus.
+
+    Gone from LAWS it is refused; with the kinematics of another law or a wrong element too.
+    """
+    small = LAWS["small-strain"]
+    half = Law(
+        lambda u, w, m, v=None: small.residual(u, w, m, v) / 2,
+        lambda u, m: small.energy(u, m) / 2,
+        rotating=False,
+    )
+    monkeypatch.setitem(LAWS, "half", half)
+    steel = {**STEEL, "poisson_ratio": 0.0}
+    scene = bending({"material": {**steel, "law": "half"}})
+    softer = bending({"material": {**steel, "youngs_modulus": 105e9}})
+    found = run(scene, tmp_path / "half", quiet=True).history
+    expected = run(softer, tmp_path / "softer", quiet=True).history
+    for column in ("t", "internal", "kinetic"):
+        scale = expected[column].max()
+        np.testing.assert_allclose(found[column], expected[column], rtol=0, atol=1e-11 * scale)
+    with pytest.raises(SceneError, match="'total-lagrangian': half expects 'small-strain'"):
+        scene.with_(**{"bodies.bar.kinematics": "total-lagrangian"})
+    with pytest.raises(SceneError, match=r"'selective': expected material.law = 'hooke'"):
+        scene.with_(**{"bodies.bar.element": "selective"})
+    monkeypatch.delitem(LAWS, "half")
+    with pytest.raises(
+        SceneError, match=r"law = 'half': expected one of \['hooke', 'small-strain'"
+    ):
+        build(scene, MPI.COMM_SELF)
+    with pytest.raises(SceneError, match="law = 'half': expected one of 'hooke', 'small-strain'"):
+        scene.with_()
+
+
 @pytest.mark.mpi
 def test_row_23_one_point_and_viscosity_on_two_ranks(tmp_path):
     """One-point cells with viscosity give the same history on two ranks as on one."""
