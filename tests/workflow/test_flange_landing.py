@@ -27,12 +27,13 @@ def vertical(model: Model) -> tuple[float, ...]:
     m = model.mass.array[::3][dofs]
     assert model.connections is not None
     spring = model.connections.links[-1]
-    stretch = spring.stretch(state.u.x.array, spring.masses.u)
-    rate = spring.stretch(state.v.x.array, spring.masses.v)
+    masses = model.connections.masses
+    stretch = spring.stretch(state.u.x.array, masses.u)
+    rate = spring.stretch(state.v.x.array, masses.v)
     return (
         float(m @ state.v.x.array.reshape(-1, 3)[dofs, 2]),
         float(pair.normal_resultant[2] + pair.tangential_force[2]),
-        float(-(spring.stiffness * stretch + spring.damping * rate)[2]),
+        float(-(spring.stiffness * stretch + spring.damping * rate)[0, 2]),
         float(-GRAVITY * m.sum()),
     )
 

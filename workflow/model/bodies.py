@@ -20,7 +20,7 @@ from meshes.arrays import Dofs
 from meshes.domain import Domain
 from workflow.model.geometry import cell_size
 from workflow.model.state import State
-from workflow.scene import Scene
+from workflow.scene import Scene, SceneError
 from workflow.scene.bodies import Body, Isotropic
 
 
@@ -229,8 +229,16 @@ class InternalForce:
 
 
 def law(body: Body) -> Law:
-    """Return the material law of a body."""
-    return LAWS["neo-hookean" if body.material.law == "neo-hookean" else body.kinematics]
+    """Return the material law of a body; that of its kinematics for linear materials.
+
+    Raises:
+        SceneError: if the law is not in :data:`forms.elements.LAWS`.
+    """
+    linear = body.material.law in ("hooke", "orthotropic")
+    name = body.kinematics if linear else body.material.law
+    if name not in LAWS:
+        raise SceneError(f"material.law = {name!r}: expected one of {['hooke', *LAWS]}")
+    return LAWS[name]
 
 
 def isotropic(constants: Any) -> Elastic:
