@@ -58,15 +58,21 @@ def report(
     omega, where = stiffest(model.bodies, model.mass.array)
     bodies = model.bodies
     found: dict[str, Any] = {
-        "scene": scene.name, "cells": len(model.domain.source.cells), "ranks": comm.size,
-        "step": model.dt, "safety": scene.time.safety,
-        "bound": {"scene": model.dt_bound, "kind": scene.time.bound,
-                  "cells": 2 / cell_frequency(bodies.domain.V, bodies.internal_work, bodies.mass),
-                  "stiffest_motion": 2 / omega},
+        "scene": scene.name,
+        "cells": len(model.domain.source.cells),
+        "ranks": comm.size,
+        "step": model.dt,
+        "safety": scene.time.safety,
+        "bound": {
+            "scene": model.dt_bound,
+            "kind": scene.time.bound,
+            "cells": 2 / cell_frequency(bodies.domain.V, bodies.internal_work, bodies.mass),
+            "stiffest_motion": 2 / omega,
+        },
         "stiffest": where,
         **asked(model, limits),
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
-    }  # fmt: skip
+    }
     found["cost"] = cost(model, time.perf_counter() - began)
     found["doubts"] = list(doubts(model, found))
     return found
@@ -78,13 +84,19 @@ def asked(model: Model, limits: "Limits") -> dict[str, Any]:
 
     dt = model.dt
     return {
-        "asked": {"all": limits.asked(dt), "bodies": limits.asked(dt, contact=False),
-                  "contacts": limits.share(dt)},
-        "critical": {"step": limits.step(), "step_without_contact": limits.step(contact=False),
-                     "penalty_factor": critical_penalty(model, limits),
-                     "penalty_factor_at_this_step": limits.penalty(dt),
-                     "contact_damping": limits.damping(dt)},
-    }  # fmt: skip
+        "asked": {
+            "all": limits.asked(dt),
+            "bodies": limits.asked(dt, contact=False),
+            "contacts": limits.share(dt),
+        },
+        "critical": {
+            "step": limits.step(),
+            "step_without_contact": limits.step(contact=False),
+            "penalty_factor": critical_penalty(model, limits),
+            "penalty_factor_at_this_step": limits.penalty(dt),
+            "contact_damping": limits.damping(dt),
+        },
+    }
 
 
 def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
@@ -118,9 +130,12 @@ def cost(model: Model, spent: float) -> dict[str, Any]:
     count = round(scene.time.end / model.dt)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # kB on Linux
     return {
-        "steps": count, "seconds_per_step": step, "seconds_stepping": count * step,
-        "seconds_before": spent, "memory": comm.allreduce(int(peak)),
-    }  # fmt: skip
+        "steps": count,
+        "seconds_per_step": step,
+        "seconds_stepping": count * step,
+        "seconds_before": spent,
+        "memory": comm.allreduce(int(peak)),
+    }
 
 
 def printout(found: dict[str, Any]) -> Iterator[str]:

@@ -215,9 +215,12 @@ def pressed(m: int) -> tuple[ContactPair, State, State, Any]:
     h, dt = EDGE, 1e-7
     wide = 1.3 * m * h
     base = blocks.block(
-        (0, 0, -h), (wide, wide, 0), cells=(m + 2, m + 2, 1), region=Tag.BASE,
+        (0, 0, -h),
+        (wide, wide, 0),
+        cells=(m + 2, m + 2, 1),
+        region=Tag.BASE,
         surfaces=blocks.BASE_FACES,
-    )  # fmt: skip
+    )
     low, high = 0.11 * m * h, 1.11 * m * h
     top = blocks.block((low, low, 0), (high, high, h), cells=(m, m, 1), surfaces=blocks.BLOCK_FACES)
     domain = distribute(join(base, top), MPI.COMM_SELF)

@@ -103,8 +103,9 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
     else:
         head = body.part(body.regions == Tag.RAIL_HEAD)
         still = undeformed(record, head, some)
-        x = float(np.median(np.concatenate([p.position[:, 0] for o in still.patches
-                                            for p in o.values()])))  # fmt: skip
+        x = float(
+            np.median(np.concatenate([p.position[:, 0] for o in still.patches for p in o.values()]))
+        )
         rolled = development(head, x)
         flat = [{i: rolled.flat(p.position) for i, p in o.items()} for o in still.patches]
         labels = ("along the rail x [mm]", "arc length s [mm]")
@@ -151,18 +152,28 @@ def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
         at = scenery.flat[k][place]
         edges = np.where(patch.stick, *EDGES)
         cells = PolyCollection(
-            list(boxes(at, patch.areas) * MM), array=patch.pressure * MPA,
-            cmap=style.COLOUR_MAP["pressure"], clim=(0, 1.25 * pressure * MPA),
-            edgecolors=list(edges), linewidths=np.where(patch.stick, 1.8, 0.5),
-        )  # fmt: skip
+            list(boxes(at, patch.areas) * MM),
+            array=patch.pressure * MPA,
+            cmap=style.COLOUR_MAP["pressure"],
+            clim=(0, 1.25 * pressure * MPA),
+            edgecolors=list(edges),
+            linewidths=np.where(patch.stick, 1.8, 0.5),
+        )
         axes.add_collection(cells)
         if shear > 0:
             cell = np.sqrt(np.median(patch.areas)) * MM
             arrows = axes.quiver(
-                *at.T * MM, *patch.shear.T, angles="xy", scale_units="xy",
-                scale=shear / (1.8 * cell), units="inches", width=0.014, headwidth=3.5,
-                color=style.INK, zorder=3,
-            )  # fmt: skip
+                *at.T * MM,
+                *patch.shear.T,
+                angles="xy",
+                scale_units="xy",
+                scale=shear / (1.8 * cell),
+                units="inches",
+                width=0.014,
+                headwidth=3.5,
+                color=style.INK,
+                zorder=3,
+            )
             arrows.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
     for place, colour in style.PATCH.items():
         trail = [_centre(scenery, j, place) for j in range(k + 1) if place in scenery.flat[j]]
@@ -288,8 +299,15 @@ def animation(frames: "list[Image]") -> bytes:
     indexed = [f.quantize(palette=colours, dither=Image.Dither.NONE) for f in frames]
     while True:
         out, stay = io.BytesIO(), [*[MILLISECONDS] * (len(indexed) - 1), LAST]
-        indexed[0].save(out, "GIF", save_all=True, append_images=indexed[1:], duration=stay,
-                        loop=0, optimize=True)  # fmt: skip
+        indexed[0].save(
+            out,
+            "GIF",
+            save_all=True,
+            append_images=indexed[1:],
+            duration=stay,
+            loop=0,
+            optimize=True,
+        )
         if out.tell() <= LARGEST or len(indexed) < 4:
             return out.getvalue()
         indexed = indexed[::-1][::2][::-1]

@@ -33,9 +33,13 @@ AXES = ("longitudinal, x", "lateral, y", "vertical, z")
 WHEEL_AXES = ("axial", "radial", "circumferential")
 COLOURS = ("#3a8f3a", "#e07b00", "#0b6e99")
 KINDS = {
-    "axial": "#0b6e99", "radial": "#d1242f", "circumferential": "#3a8f3a",
-    "along x": "#3a8f3a", "along y": "#e07b00", "along z": "#0b6e99",
-}  # fmt: skip
+    "axial": "#0b6e99",
+    "radial": "#d1242f",
+    "circumferential": "#3a8f3a",
+    "along x": "#3a8f3a",
+    "along y": "#e07b00",
+    "along z": "#0b6e99",
+}
 SMALL = 1e-6  # of the largest force or density: not drawn
 NAMED = 14  # modes of most energy that are labelled
 APART = 0.04  # of the range: names are no closer

@@ -272,8 +272,17 @@ WORKERS = 2
 SLOW = ("roll", "drift", "load")  # bases of thousands of cells
 KINDS = ("accurate", "wrong", "refused", "caught", "unseen")
 COLUMNS = (
-    "panel", "x", "y", "kind", "measure", "value", "steps", "step_over_bound", "seconds", "message"
-)  # fmt: skip
+    "panel",
+    "x",
+    "y",
+    "kind",
+    "measure",
+    "value",
+    "steps",
+    "step_over_bound",
+    "seconds",
+    "message",
+)
 
 
 def matrix(
