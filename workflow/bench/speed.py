@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""``squealx bench``: how fast this machine runs kernels, steps and contact, as table and figure."""
+"""Speed of this machine: kernels, steps and contact, as tables and figure of ``squealx bench``."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What ``squealx bench`` times: cell kernels, whole steps, contact; as a module, steps on ranks.
+"""Timed cases of ``squealx bench``: cell kernels, whole steps, contact; as a module, ranks.
 
 Everything that is compared is called in turn, round after round, so that a noisy machine disturbs
 all alike; times are medians over the rounds and ratios are medians of the ratios within a round.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Footprints on the rail at successive outputs: seen from the gauge side, and developed."""
+"""Footprints on the rail at successive outputs, from the gauge side and developed."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pressure and shear of smooth bodies at the last output, the closed form behind."""
+"""Pressure and shear of smooth bodies at the last output against closed forms."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cross-section of wheel and rail through both contact patches."""
+"""Cross-section of wheel and rail through each contact patch, as cells and as nodes."""
 
 from typing import TYPE_CHECKING, Any
 

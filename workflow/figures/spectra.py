@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figures of what was sampled: contact forces over time, their spectra and those at probes, modes.
+"""Sampled contact forces over time, their spectra and those of probes, modal participation.
 
 Spectra say what they are made with: window, length of record and what is left of aliases.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which part of a scene is to vibrate: its mesh, where it is held, and its axle if it has one."""
+"""Part of a scene for modal analysis: mesh, held surfaces, axle."""
 
 from dataclasses import dataclass
 from typing import Any

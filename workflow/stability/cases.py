@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The stability matrix: which small runs it is made of, axis by axis and pair by pair.
+"""Cases of the stability matrix, axis by axis and pair by pair.
 
 Every case starts from one of the bases and changes one key, or the two of a pair. Cells of one
-panel are compared by verdict; what each base is measured by is told in
-:mod:`workflow.stability.cases.run`.
+panel are compared by verdict; the measures of each base are in :mod:`workflow.stability.run`.
 """
 
 from collections.abc import Callable, Iterator, Mapping

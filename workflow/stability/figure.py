@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The figure of ``squealx stability``: every cell with its verdict and number, and the limits."""
+"""Figure of the stability matrix: every cell with its verdict and number, and the limits."""
 
 from collections.abc import Sequence
 from pathlib import Path

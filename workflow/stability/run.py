@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Run one case of the stability matrix and give it its verdict.
+"""Runs of the stability matrix and their verdicts.
 
 Verdicts: ``accurate``; ``wrong``, stable but off by more than the tolerance of a measure;
 ``refused`` as bad input; ``caught``, stopped by a guard; and ``unseen``, a run that went wild and

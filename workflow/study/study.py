@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Studies: many runs of a scene, or of several, as one checked table of parameters."""
+"""Study: many runs of one or several scenes as a checked table of parameters."""
 
 import itertools
 import re
