@@ -47,6 +47,26 @@ SMALL = (5, 5, 4)  # cells of the scene whose overhead per step is measured
 CONTACT_CALLS = 500  # the longest interval between two searches
 
 
+STEEL = Elastic(E=210e9, nu=0.3, rho=7800.0)
+HOURGLASS = "one point, physical hourglass stiffness"
+CASES = {  # element and law by title
+    "St. Venant-Kirchhoff, full": ("full", "total-lagrangian"),
+    f"St. Venant-Kirchhoff, {HOURGLASS}": ("one-point", "total-lagrangian"),
+    "small strain, full": ("full", "small-strain"),
+    f"small strain, {HOURGLASS}": ("one-point", "small-strain"),
+    "small strain, selective (B-bar)": ("selective", "small-strain"),
+    "neo-Hookean, full": ("full", "neo-hookean"),
+}
+
+
+def work(element: str, law: str, u: Any, w: Any, dx: Any) -> Any:
+    """Return the form of the internal virtual work; ``dx`` has full quadrature."""
+    return internal_work(element, LAWS[law], u, w, STEEL, dx)
+
+
+FORMS = {title: partial(work, *case) for title, case in CASES.items()}
+
+
 def rounds(
     calls: Mapping[str, Call], count: int, *, at_least: float = 0.02, inner: int = 0
 ) -> dict[str, Array]:
@@ -288,22 +308,3 @@ if __name__ == "__main__":
     measured = on_ranks(*map(int, sys.argv[1:]))
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps({"ranks": MPI.COMM_WORLD.size, "rate": measured}))
-
-STEEL = Elastic(E=210e9, nu=0.3, rho=7800.0)
-HOURGLASS = "one point, physical hourglass stiffness"
-CASES = {  # element and law by title
-    "St. Venant-Kirchhoff, full": ("full", "total-lagrangian"),
-    f"St. Venant-Kirchhoff, {HOURGLASS}": ("one-point", "total-lagrangian"),
-    "small strain, full": ("full", "small-strain"),
-    f"small strain, {HOURGLASS}": ("one-point", "small-strain"),
-    "small strain, selective (B-bar)": ("selective", "small-strain"),
-    "neo-Hookean, full": ("full", "neo-hookean"),
-}
-
-
-def work(element: str, law: str, u: Any, w: Any, dx: Any) -> Any:
-    """Return the form of the internal virtual work; ``dx`` has full quadrature."""
-    return internal_work(element, LAWS[law], u, w, STEEL, dx)
-
-
-FORMS = {title: partial(work, *case) for title, case in CASES.items()}

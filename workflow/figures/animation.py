@@ -145,7 +145,6 @@ def frame(scenery: Scenery, k: int) -> "Figure":
 def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
     """Draw pressure, shear, adhesion and slip in a window that goes with the contact."""
     from matplotlib.collections import PolyCollection
-    from matplotlib.patheffects import withStroke
 
     pressure, shear = scenery.largest
     for place, patch in scenery.contact.patches[k].items():
@@ -161,20 +160,7 @@ def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
         )
         axes.add_collection(cells)
         if shear > 0:
-            cell = np.sqrt(np.median(patch.areas)) * MM
-            arrows = axes.quiver(
-                *at.T * MM,
-                *patch.shear.T,
-                angles="xy",
-                scale_units="xy",
-                scale=shear / (1.8 * cell),
-                units="inches",
-                width=0.014,
-                headwidth=3.5,
-                color=style.INK,
-                zorder=3,
-            )
-            arrows.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
+            _arrows(axes, at, patch, shear)
     for place, colour in style.PATCH.items():
         trail = [_centre(scenery, j, place) for j in range(k + 1) if place in scenery.flat[j]]
         if trail:
@@ -184,6 +170,26 @@ def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
     axes.set_xlabel(scenery.labels[0], labelpad=1)
     axes.set_ylabel(scenery.labels[1])
     axes.set_title("footprints: pressure, shear on the lower body, adhesion and slip", loc="right")
+
+
+def _arrows(axes: "Axes", at: Array, patch: PatchNodes, largest: float) -> None:
+    """Draw the shear at each node, the largest of all frames as long as 1.8 cells."""
+    from matplotlib.patheffects import withStroke
+
+    cell = np.sqrt(np.median(patch.areas)) * MM
+    arrows = axes.quiver(
+        *at.T * MM,
+        *patch.shear.T,
+        angles="xy",
+        scale_units="xy",
+        scale=largest / (1.8 * cell),
+        units="inches",
+        width=0.014,
+        headwidth=3.5,
+        color=style.INK,
+        zorder=3,
+    )
+    arrows.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
 
 
 def _window(axes: "Axes", scenery: Scenery, k: int) -> None:

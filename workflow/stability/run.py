@@ -21,11 +21,15 @@ import numpy as np
 
 from contact.theory.closed_forms import hertz_line, hertz_sphere
 from meshes.arrays import Array
+from meshes.formats import read_write
+from meshes.tags import Tag
+from workflow.model.geometry import mesh_of
 from workflow.model.model import Model
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import CapMesh, CurvedMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.guards import GuardError
+from workflow.simulation.run import run
 from workflow.stability.cases import BASES, CELL, HEIGHT, QUIET, RHO, SPEED, Case, cases
 
 TOLERANCES = {
@@ -76,10 +80,6 @@ def scene_of(case: Case, folder: Path) -> Scene:
     scene = Scene.load(name, **{**QUIET, **base, **case.changes})
     if not case.moved:
         return scene
-    from meshes.formats import read_write
-    from meshes.tags import Tag
-    from workflow.model.geometry import mesh_of
-
     mesh, _ = mesh_of(scene)
     points = mesh.points * np.array(case.moved.get("scale", (1.0, 1.0, 1.0)))
     block = np.unique(mesh.cells[mesh.regions == Tag.BLOCK])
@@ -222,8 +222,6 @@ def exact_pressure(scene: Scene) -> float:
 
 def judge(case: Case) -> Verdict:
     """Run a case and return its verdict."""
-    from workflow.simulation.run import run
-
     began, seen = time.perf_counter(), Seen(case)
 
     def verdict(kind: str, message: str, found: dict[str, float]) -> Verdict:
