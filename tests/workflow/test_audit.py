@@ -34,7 +34,7 @@ def dense(model, limits, damping=0.0) -> np.ndarray:
     n, dt = 3 * model.domain.owned, model.dt
     K = np.array([limits._apply(e, dt, np.zeros(0), None) for e in np.eye(n)])
     local = model.domain.local_dofs(np.arange(len(model.domain.source.points)))
-    s, p = limits.touches[0].springs, limits.touches[0].penalty
+    s, p = limits.passes[0].springs, limits.passes[0].penalty
     weight = np.hstack([np.ones((len(s.xi), 1)), -shape_functions(s.xi)])
     held = np.eye(n)
     for dofs, d in zip(model.supports.dofs, model.supports.directions, strict=True):
@@ -56,7 +56,7 @@ def test_asked_is_the_dense_eigenvalue(damping):
     model = at_rest(**{"contacts.face.penalty": 1.5, "contacts.face.damping": damping})
     limits = Limits(model)
     exact = np.linalg.eigvalsh(dense(model, limits, damping))[-1]
-    assert exact <= limits.asked(model.dt) <= 1.005 * exact
+    assert exact <= limits.demand(model.dt) <= 1.005 * exact
 
 
 def test_springs_are_those_of_the_kernel():
@@ -77,11 +77,11 @@ def test_limits_are_where_the_whole_is_asked():
     """At each limit the model asks for 1: of the step, the penalty and the contact damping."""
     model = at_rest()
     limits, dt = Limits(model), model.dt
-    assert limits.asked(limits.step()) == pytest.approx(1, abs=5e-3)
-    assert limits.asked(dt, penalty=limits.penalty(dt)) == pytest.approx(1, abs=5e-3)
-    assert limits.asked(dt, damping=limits.damping(dt)) == pytest.approx(1, abs=1e-2)
-    alone, touch = limits.asked(dt, contact=False), limits.share(dt)
-    assert max(alone, touch) <= limits.asked(dt) <= 1.005 * (alone + touch)
+    assert limits.demand(limits.step()) == pytest.approx(1, abs=5e-3)
+    assert limits.demand(dt, penalty=limits.penalty(dt)) == pytest.approx(1, abs=5e-3)
+    assert limits.demand(dt, damping=limits.damping(dt)) == pytest.approx(1, abs=1e-2)
+    alone, touch = limits.demand(dt, contact=False), limits.share(dt)
+    assert max(alone, touch) <= limits.demand(dt) <= 1.005 * (alone + touch)
 
 
 def test_parts_never_take_more_than_the_scene_keeps_for_them():
@@ -102,7 +102,7 @@ def test_penetration_at_rest_is_that_of_the_springs():
     """A uniform pressure on springs k: the mean depth is p A / Σk; no node is three times it."""
     found = report(Scene.load("sliding-block", **SMALL))["contacts"]["face"]
     model = at_rest()
-    k = Limits(model).touches[0].springs.mass.sum() * 0.4 / model.dt**2
+    k = Limits(model).passes[0].springs.mass.sum() * 0.4 / model.dt**2
     assert 1 <= found["penetration"] / (10e6 * 0.02**2 / k) < 3
     assert found["penetration_over_cell"] == pytest.approx(found["penetration"] / 5e-3, rel=1e-6)
 
@@ -123,7 +123,7 @@ def test_equivalent_penalties_undo_each_other():
     keys = {"contacts.face.method": "modulus-penalty",
             "contacts.face.penalty": first["equivalent_modulus_penalty"]}  # fmt: skip
     model = at_rest(**keys)
-    t = Limits(model).touches[0]
+    t = Limits(model).passes[0]
     k = np.median(t.stiffness(model.dt, 1.0, 0.0)[0])
     assert k == pytest.approx(first["stiffness"], rel=0.15)
 

@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a scene asks for that is known to go wrong, with the measure of it."""
+"""Advice on the settings of a scene that are known to go wrong, each with its measure."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from contact.theory.slip_waves import HalfSpace, slip_wave
+from workflow.audit.limits import PassSprings
 from workflow.model.bodies import isotropic
 from workflow.model.model import Model
 from workflow.model.regions import body_at
 from workflow.scene.bodies import Isotropic
-
-if TYPE_CHECKING:
-    from workflow.audit.limits import Touch
 
 SOFT = 0.05  # penetration over the cell
 ANGLE = 0.06  # largest angle of attack of the stability matrix [rad]
@@ -21,7 +19,7 @@ FLOAT32 = 6e-8  # rounding of one number
 HOP = 0.05  # energy gained at a landing, above which sliding is noisy
 
 
-def doubts(model: Model, found: dict[str, Any]) -> Iterator[str]:
+def advice(model: Model, found: dict[str, Any]) -> Iterator[str]:
     """Yield a line for every setting of a scene that its run is likely to suffer from.
 
     Args:
@@ -142,15 +140,15 @@ def _behind(model: Model, node: int) -> HalfSpace:
     return HalfSpace(m.E / (2 * (1 + m.nu)), m.nu, m.rho)
 
 
-def impact_depth(model: Model, touches: "Sequence[Touch]") -> float | None:
+def impact_depth(model: Model, passes: Sequence[PassSprings]) -> float | None:
     """Return how deep the first wave of an impact presses the contact [m], None if none comes.
 
     Bodies that close at v press with ``v / (1/Z₁ + 1/Z₂)``, ``Z = ρ c`` of waves in the block.
     """
     start = [b.velocity for b in model.scene.bodies.values() if b.velocity is not None]
-    if not (start and touches and len(touches[0].springs.mass)):
+    if not (start and passes and len(passes[0].springs.mass)):
         return None
-    touch, springs = touches[0], touches[0].springs
+    one, springs = passes[0], passes[0].springs
     normal = springs.normal.mean(axis=0)
     still = len(start) < len(model.scene.bodies) or bool((springs.nodes < 0).any())
     speeds = [*(float(np.dot(v, normal)) for v in start), *([0.0] * still)]
@@ -158,5 +156,5 @@ def impact_depth(model: Model, touches: "Sequence[Touch]") -> float | None:
     material = [isotropic(m) for m in model.bodies.materials.values()]
     Z = [(m.E * m.rho) ** 0.5 for m in material]
     yielding = sum(1 / z for z in Z) if len(Z) > 1 else 1 / Z[0]
-    k = touch.penalty * (springs.foundation if touch.fixed else springs.mass / model.dt**2)
+    k = one.penalty * (springs.foundation if one.fixed else springs.mass / model.dt**2)
     return float(np.median(closing / yielding * springs.area / k))

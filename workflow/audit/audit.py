@@ -1,37 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a scene will bear, told before it runs: its step, and how much of it everything takes.
-
-A run begins with the short form, :func:`audit`; ``squealx audit`` prints the :func:`report`. The
-stiffest motion is found by some products with the scene's own stiffness, a moment beside the
-run. Its place is that of its largest displacement; its frequency is from below.
-"""
+"""Stability audit: stable time step and the share taken by bodies, contacts and damping."""
 
 import resource
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 
 from forms.time_step import cell_frequency
+from workflow.audit.advice import advice, impact_depth
+from workflow.audit.limits import Limits, critical_penalty
 from workflow.model.model import Model, build
 from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
+from workflow.simulation.guards import node_sizes
+from workflow.simulation.initial import check_apart, start
 from workflow.simulation.stepping import steps
 
-if TYPE_CHECKING:
-    from workflow.audit.limits import Limits
-
-PRODUCTS = 40
 TIMED = 20  # steps
 
 
 def report(
     scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, log: Callable[[str], Any] = lambda line: None
 ) -> dict[str, Any]:
-    """Return what a run of a scene will bear and cost; collective, the same on all ranks.
+    """Return the limits and the cost of a run of a scene; collective, the same on all ranks.
 
     The bodies are brought to rest first, if the scene asks for it: contact is audited where it
     will be. A few steps are timed at the end.
@@ -45,10 +40,6 @@ def report(
         SceneError: bad input.
         GuardError: the bodies do not come to rest.
     """
-    from workflow.audit.advice import doubts
-    from workflow.audit.limits import Limits
-    from workflow.simulation.initial import check_apart, start
-
     began = time.perf_counter()
     model = build(scene, comm, log)
     check_apart(model)
@@ -58,55 +49,62 @@ def report(
     omega, where = stiffest(model.bodies, model.mass.array)
     bodies = model.bodies
     found: dict[str, Any] = {
-        "scene": scene.name, "cells": len(model.domain.source.cells), "ranks": comm.size,
-        "step": model.dt, "safety": scene.time.safety,
-        "bound": {"scene": model.dt_bound, "kind": scene.time.bound,
-                  "cells": 2 / cell_frequency(bodies.domain.V, bodies.internal_work, bodies.mass),
-                  "stiffest_motion": 2 / omega},
+        "scene": scene.name,
+        "cells": len(model.domain.source.cells),
+        "ranks": comm.size,
+        "step": model.dt,
+        "safety": scene.time.safety,
+        "bound": {
+            "scene": model.dt_bound,
+            "kind": scene.time.bound,
+            "cells": 2 / cell_frequency(bodies.domain.V, bodies.internal_work, bodies.mass),
+            "stiffest_motion": 2 / omega,
+        },
         "stiffest": where,
-        **asked(model, limits),
+        **demand(model, limits),
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
-    }  # fmt: skip
+    }
     found["cost"] = cost(model, time.perf_counter() - began)
-    found["doubts"] = list(doubts(model, found))
+    found["doubts"] = list(advice(model, found))
     return found
 
 
-def asked(model: Model, limits: "Limits") -> dict[str, Any]:
+def demand(model: Model, limits: Limits) -> dict[str, Any]:
     """Return what the parts of a model ask of the 1 that a step has, and where the limits are."""
-    from workflow.audit.limits import critical_penalty
-
     dt = model.dt
     return {
-        "asked": {"all": limits.asked(dt), "bodies": limits.asked(dt, contact=False),
-                  "contacts": limits.share(dt)},
-        "critical": {"step": limits.step(), "step_without_contact": limits.step(contact=False),
-                     "penalty_factor": critical_penalty(model, limits),
-                     "penalty_factor_at_this_step": limits.penalty(dt),
-                     "contact_damping": limits.damping(dt)},
-    }  # fmt: skip
+        "asked": {
+            "all": limits.demand(dt),
+            "bodies": limits.demand(dt, contact=False),
+            "contacts": limits.share(dt),
+        },
+        "critical": {
+            "step": limits.step(),
+            "step_without_contact": limits.step(contact=False),
+            "penalty_factor": critical_penalty(model, limits),
+            "penalty_factor_at_this_step": limits.penalty(dt),
+            "contact_damping": limits.damping(dt),
+        },
+    }
 
 
-def contact_report(model: Model, limits: "Limits", name: str) -> dict[str, Any]:
+def contact_report(model: Model, limits: Limits, name: str) -> dict[str, Any]:
     """Return stiffness and expected penetration of one contact."""
-    from workflow.audit.advice import impact_depth
-    from workflow.simulation.guards import node_sizes
-
     contact, pair = model.scene.contacts[name], model.pairs[name]
-    told: dict[str, Any] = {"method": contact.method, "penalty": contact.penalty}
-    touches = [t for t in limits.touches if t.name == name and len(t.springs.mass)]
-    if touches:
-        t, dt = touches[0], model.dt
+    found: dict[str, Any] = {"method": contact.method, "penalty": contact.penalty}
+    passes = [t for t in limits.passes if t.name == name and len(t.springs.mass)]
+    if passes:
+        t, dt = passes[0], model.dt
         follows, fixed = t.springs.mass / dt**2, t.springs.foundation
         known = np.isfinite(fixed) & (fixed > 0)
         ratio = float(np.median(follows[known] / fixed[known])) if known.any() else np.nan
         other = "equivalent_penalty" if t.fixed else "equivalent_modulus_penalty"
-        told[other] = contact.penalty / ratio if t.fixed else contact.penalty * ratio
-        told["stiffness"] = float(np.median(t.penalty * (fixed if t.fixed else follows)))
+        found[other] = contact.penalty / ratio if t.fixed else contact.penalty * ratio
+        found["stiffness"] = float(np.median(t.penalty * (fixed if t.fixed else follows)))
     size = min(float(np.median(node_sizes(side))) for side in pair.passes)
-    depth = pair.max_penetration if model.scene.equilibrium else impact_depth(model, touches)
+    depth = pair.max_penetration if model.scene.equilibrium else impact_depth(model, passes)
     share = None if depth is None else depth / size
-    return told | {"cell": size, "penetration": depth, "penetration_over_cell": share}
+    return found | {"cell": size, "penetration": depth, "penetration_over_cell": share}
 
 
 def cost(model: Model, spent: float) -> dict[str, Any]:
@@ -118,9 +116,12 @@ def cost(model: Model, spent: float) -> dict[str, Any]:
     count = round(scene.time.end / model.dt)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # kB on Linux
     return {
-        "steps": count, "seconds_per_step": step, "seconds_stepping": count * step,
-        "seconds_before": spent, "memory": comm.allreduce(int(peak)),
-    }  # fmt: skip
+        "steps": count,
+        "seconds_per_step": step,
+        "seconds_stepping": count * step,
+        "seconds_before": spent,
+        "memory": comm.allreduce(int(peak)),
+    }
 
 
 def printout(found: dict[str, Any]) -> Iterator[str]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a model asks of its step: the limits of step, penalty and damping, without stepping.
+"""Critical time step, penalty and damping from the eigenvalues of the current state.
 
 Central difference with damping lagged by half a step is stable while ``dt²/4 K + dt/2 C < M``.
-The largest eigenvalue of the left side over M is what the model *asks* of the 1 that there is.
+The largest eigenvalue of the left side over M is the *demand* of the model on the 1 that there is.
 K and C are those of bodies, connections and contact together, with a spring at every node that
 can touch soon. The step of a run rests on bounds of the parts instead, which may add up to more.
 """
@@ -37,7 +37,7 @@ FACTORS = (1e-4, 1e4)  # within which a limit is looked for, over the present va
 
 
 @dataclass(frozen=True)
-class Touch:
+class PassSprings:
     """One pass of a contact of penalty springs.
 
     Attributes:
@@ -77,7 +77,7 @@ class Limits:
         model: The model, at rest for springs where its contact will be.
 
     Attributes:
-        touches: Passes of its contacts with springs.
+        passes: Passes of its contacts with springs.
     """
 
     def __init__(self, model: Model) -> None:
@@ -97,12 +97,12 @@ class Limits:
         if model.connections is not None:
             parts = model.connections.masses, model.connections.links
             self._attached = attached(model.connections.comm, *parts, model.mass.array)
-        self.touches = [t for name in model.pairs for t in _touches(model, name)]
-        nodes = [t.springs.nodes.ravel() for t in self.touches]
+        self.passes = [t for name in model.pairs for t in _passes(model, name)]
+        nodes = [t.springs.nodes.ravel() for t in self.passes]
         self._nodes = np.unique(np.concatenate([n[n >= 0] for n in nodes] or [np.zeros(0, int)]))
         self._local = model.domain.local_dofs(self._nodes)
 
-    def asked(
+    def demand(
         self, dt: float, *, penalty: float = 1.0, damping: float | None = None, contact: bool = True
     ) -> float:
         """Return what the model asks of the 1 that a stable step has; collective.
@@ -156,7 +156,7 @@ class Limits:
         """Return the stiffness of all contact springs on their nodes, dampers as springs."""
         size = 3 * len(self._nodes)
         total = scipy.sparse.csr_matrix((size, size))
-        for touch in self.touches:
+        for touch in self.passes:
             share = touch.damping if damping is None else damping
             row, column, blocks = touch.springs.blocks(*touch.stiffness(dt, penalty, share))
             row, column = (np.searchsorted(self._nodes, a) for a in (row, column))
@@ -164,28 +164,28 @@ class Limits:
             j = 3 * column[:, None, None] + np.arange(3)
             i, j = (np.broadcast_to(a, blocks.shape).ravel() for a in (i, j))
             total += scipy.sparse.coo_matrix((blocks.ravel(), (i, j)), (size, size)).tocsr()
-        return total if self.touches else None
+        return total if self.passes else None
 
     def step(self, contact: bool = True) -> float:
         """Return the largest stable step, with contact springs that follow it or without [s]."""
         dt = self.model.dt
-        alone = self.asked(dt, contact=False)
+        alone = self.demand(dt, contact=False)
         left = max(1 - self.share(dt), 0.1) if contact else 1.0
         bracket = (left / alone) ** 0.5, (1 / alone) ** 0.5
-        return dt * _root(lambda f: self.asked(f * dt, contact=contact), bracket)
+        return dt * _root(lambda f: self.demand(f * dt, contact=contact), bracket)
 
     def penalty(self, dt: float) -> float:
         """Return the factor on all penalties that is the largest stable one at a step [-]."""
-        alone, share = self.asked(dt, contact=False), self.share(dt)
+        alone, share = self.demand(dt, contact=False), self.share(dt)
         if alone >= 1 or not share:
             return 0.0 if share else np.inf
-        return _root(lambda f: self.asked(dt, penalty=f), ((1 - alone) / share, 1 / share))
+        return _root(lambda f: self.demand(dt, penalty=f), ((1 - alone) / share, 1 / share))
 
     def damping(self, dt: float) -> float:
         """Return the largest stable share of critical contact damping, 0 if none is [-]."""
-        if not self.touches or self.asked(dt, damping=0.0) >= 1:
-            return 0.0 if self.touches else np.inf
-        return _root(lambda z: self.asked(dt, damping=z), (0.25, 2.0))
+        if not self.passes or self.demand(dt, damping=0.0) >= 1:
+            return 0.0 if self.passes else np.inf
+        return _root(lambda z: self.demand(dt, damping=z), (0.25, 2.0))
 
     def share(self, dt: float) -> float:
         """Return what the contacts ask of the 1, bodies and connections aside [-]."""
@@ -204,21 +204,21 @@ class Limits:
         return dt**2 / 4 * value
 
 
-def _touches(model: Model, name: str) -> list[Touch]:
+def _passes(model: Model, name: str) -> list[PassSprings]:
     """Return the passes of a contact that have springs."""
     contact = model.scene.contacts[name]
     if contact.method == "lagrange":
         return []
     rough, fixed = contact.friction != 0.0, contact.method == "modulus-penalty"
     ends = contact_surfaces(model.bodies, as_modulus(contact), model.mass.array[::3])
-    touches = []
+    passes = []
     for side, beds in zip(model.pairs[name].passes, (ends, ends[::-1]), strict=False):
         found = springs(side, model.state, beds)
         tangential = side.options.tangential * rough
-        touches.append(
-            Touch(name, found, side.options.penalty, side.options.damping, tangential, fixed)
+        passes.append(
+            PassSprings(name, found, side.options.penalty, side.options.damping, tangential, fixed)
         )
-    return touches
+    return passes
 
 
 def as_modulus(contact: Contact) -> Contact:
@@ -226,18 +226,18 @@ def as_modulus(contact: Contact) -> Contact:
     return contact.model_copy(update={"method": "modulus-penalty"})
 
 
-def _root(asked: Callable[[float], float], bracket: tuple[float, float]) -> float:
+def _root(demand: Callable[[float], float], bracket: tuple[float, float]) -> float:
     """Return where a growing function crosses 1, infinite or 0 beyond :data:`FACTORS`."""
     low, high = 0.98 * bracket[0], 1.02 * bracket[1]
-    while asked(high) < 1:
+    while demand(high) < 1:
         low, high = high, 2 * high
         if high > FACTORS[1]:
             return np.inf
-    while asked(low) >= 1:
+    while demand(low) >= 1:
         low, high = low / 2, low
         if low < FACTORS[0]:
             return 0.0
-    return float(brentq(lambda f: asked(f) - 1, low, high, rtol=2e-3, xtol=1e-9))
+    return float(brentq(lambda f: demand(f) - 1, low, high, rtol=2e-3, xtol=1e-9))
 
 
 def critical_penalty(model: Model, limits: Limits) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mesh is worth to an explicit run: sizes, shapes, masses, and which cells set the step."""
+"""Mesh report: sizes, shapes, masses, and the cells that set the stable time step."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -134,7 +134,7 @@ def summary(found: MeshReport) -> dict[str, Any]:
 
 
 def _cell(found: MeshReport, cell: int) -> dict[str, Any]:
-    """Return what is to be known of one cell."""
+    """Return place, step and shape of one cell."""
     x = found.mesh.points[found.mesh.cells[cell]]
     length = np.linalg.norm(x[EDGES[:, 1]] - x[EDGES[:, 0]], axis=1)
     return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What one core can do (multiply-adds, memory traffic) and what each kernel asks of it."""
+"""Roofline of one core: peak multiply-adds and bandwidth, operations and traffic of each kernel."""
 
 import importlib.util
 import tempfile

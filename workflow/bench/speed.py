@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""``squealx bench``: how fast this machine runs kernels, steps and contact, as table and figure."""
+"""Speed of this machine: kernels, steps and contact, as tables and figure of ``squealx bench``."""
 
 import json
 import os
@@ -24,6 +24,7 @@ from forms import kernel
 from forms.simd import native
 from workflow.bench import roofline
 from workflow.bench import speed_cases as cases
+from workflow.bench.speed_figure import draw
 from workflow.results.table import Column, Table
 from workflow.simulation.ranks import mpi_command
 
@@ -63,8 +64,6 @@ def measure(out: Path, quick: bool, log: Callable[[str], Any] = lambda line: Non
     found["ranks"] = ranks(sizes[-1], 1 if quick else 3)
     out.mkdir(parents=True, exist_ok=True)
     (out / "bench.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-    from workflow.bench.speed_figure import draw
-
     draw(found, out / "bench.png")
     return found
 

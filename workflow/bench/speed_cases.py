@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What ``squealx bench`` times: cell kernels, whole steps, contact; as a module, steps on ranks.
+"""Timed cases of ``squealx bench``: cell kernels, whole steps, contact; as a module, ranks.
 
 Everything that is compared is called in turn, round after round, so that a noisy machine disturbs
 all alike; times are medians over the rounds and ratios are medians of the ratios within a round.
@@ -45,6 +45,26 @@ NATIVE = {"native float64": np.float64, "native float32": np.float32}
 EDGE = 1e-3  # of a cell [m]
 SMALL = (5, 5, 4)  # cells of the scene whose overhead per step is measured
 CONTACT_CALLS = 500  # the longest interval between two searches
+
+
+STEEL = Elastic(E=210e9, nu=0.3, rho=7800.0)
+HOURGLASS = "one point, physical hourglass stiffness"
+CASES = {  # element and law by title
+    "St. Venant-Kirchhoff, full": ("full", "total-lagrangian"),
+    f"St. Venant-Kirchhoff, {HOURGLASS}": ("one-point", "total-lagrangian"),
+    "small strain, full": ("full", "small-strain"),
+    f"small strain, {HOURGLASS}": ("one-point", "small-strain"),
+    "small strain, selective (B-bar)": ("selective", "small-strain"),
+    "neo-Hookean, full": ("full", "neo-hookean"),
+}
+
+
+def work(element: str, law: str, u: Any, w: Any, dx: Any) -> Any:
+    """Return the form of the internal virtual work; ``dx`` has full quadrature."""
+    return internal_work(element, LAWS[law], u, w, STEEL, dx)
+
+
+FORMS = {title: partial(work, *case) for title, case in CASES.items()}
 
 
 def rounds(
@@ -215,9 +235,12 @@ def pressed(m: int) -> tuple[ContactPair, State, State, Any]:
     h, dt = EDGE, 1e-7
     wide = 1.3 * m * h
     base = blocks.block(
-        (0, 0, -h), (wide, wide, 0), cells=(m + 2, m + 2, 1), region=Tag.BASE,
+        (0, 0, -h),
+        (wide, wide, 0),
+        cells=(m + 2, m + 2, 1),
+        region=Tag.BASE,
         surfaces=blocks.BASE_FACES,
-    )  # fmt: skip
+    )
     low, high = 0.11 * m * h, 1.11 * m * h
     top = blocks.block((low, low, 0), (high, high, h), cells=(m, m, 1), surfaces=blocks.BLOCK_FACES)
     domain = distribute(join(base, top), MPI.COMM_SELF)
@@ -285,22 +308,3 @@ if __name__ == "__main__":
     measured = on_ranks(*map(int, sys.argv[1:]))
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps({"ranks": MPI.COMM_WORLD.size, "rate": measured}))
-
-STEEL = Elastic(E=210e9, nu=0.3, rho=7800.0)
-HOURGLASS = "one point, physical hourglass stiffness"
-CASES = {  # element and law by title
-    "St. Venant-Kirchhoff, full": ("full", "total-lagrangian"),
-    f"St. Venant-Kirchhoff, {HOURGLASS}": ("one-point", "total-lagrangian"),
-    "small strain, full": ("full", "small-strain"),
-    f"small strain, {HOURGLASS}": ("one-point", "small-strain"),
-    "small strain, selective (B-bar)": ("selective", "small-strain"),
-    "neo-Hookean, full": ("full", "neo-hookean"),
-}
-
-
-def work(element: str, law: str, u: Any, w: Any, dx: Any) -> Any:
-    """Return the form of the internal virtual work; ``dx`` has full quadrature."""
-    return internal_work(element, LAWS[law], u, w, STEEL, dx)
-
-
-FORMS = {title: partial(work, *case) for title, case in CASES.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The figure of ``squealx bench``."""
+"""Figure of ``squealx bench``: kernels, roofline, whole steps and contact."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

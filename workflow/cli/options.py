@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the verbs of the command line share: options, scenes with changes, ranks, ways to end."""
+"""Options of the command line: scenes with changes, ranks, answers and exit codes.
+
+Heavy modules are imported where a verb needs them, here and in the verbs: help must come at once.
+"""
 
 import json
 import os

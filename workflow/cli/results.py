@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs that draw, tell or measure: figures, report, bench."""
+"""Verbs of results and of the machine: figures, report, bench, stability."""
 
 from pathlib import Path
 from typing import Annotated

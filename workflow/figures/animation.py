@@ -103,8 +103,9 @@ def scenery_of(record: Record, contact: Contact) -> Scenery:
     else:
         head = body.part(body.regions == Tag.RAIL_HEAD)
         still = undeformed(record, head, some)
-        x = float(np.median(np.concatenate([p.position[:, 0] for o in still.patches
-                                            for p in o.values()])))  # fmt: skip
+        x = float(
+            np.median(np.concatenate([p.position[:, 0] for o in still.patches for p in o.values()]))
+        )
         rolled = development(head, x)
         flat = [{i: rolled.flat(p.position) for i, p in o.items()} for o in still.patches]
         labels = ("along the rail x [mm]", "arc length s [mm]")
@@ -144,26 +145,22 @@ def frame(scenery: Scenery, k: int) -> "Figure":
 def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
     """Draw pressure, shear, adhesion and slip in a window that goes with the contact."""
     from matplotlib.collections import PolyCollection
-    from matplotlib.patheffects import withStroke
 
     pressure, shear = scenery.largest
     for place, patch in scenery.contact.patches[k].items():
         at = scenery.flat[k][place]
         edges = np.where(patch.stick, *EDGES)
         cells = PolyCollection(
-            list(boxes(at, patch.areas) * MM), array=patch.pressure * MPA,
-            cmap=style.COLOUR_MAP["pressure"], clim=(0, 1.25 * pressure * MPA),
-            edgecolors=list(edges), linewidths=np.where(patch.stick, 1.8, 0.5),
-        )  # fmt: skip
+            list(boxes(at, patch.areas) * MM),
+            array=patch.pressure * MPA,
+            cmap=style.COLOUR_MAP["pressure"],
+            clim=(0, 1.25 * pressure * MPA),
+            edgecolors=list(edges),
+            linewidths=np.where(patch.stick, 1.8, 0.5),
+        )
         axes.add_collection(cells)
         if shear > 0:
-            cell = np.sqrt(np.median(patch.areas)) * MM
-            arrows = axes.quiver(
-                *at.T * MM, *patch.shear.T, angles="xy", scale_units="xy",
-                scale=shear / (1.8 * cell), units="inches", width=0.014, headwidth=3.5,
-                color=style.INK, zorder=3,
-            )  # fmt: skip
-            arrows.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
+            _arrows(axes, at, patch, shear)
     for place, colour in style.PATCH.items():
         trail = [_centre(scenery, j, place) for j in range(k + 1) if place in scenery.flat[j]]
         if trail:
@@ -173,6 +170,26 @@ def _plane(axes: "Axes", scenery: Scenery, k: int) -> None:
     axes.set_xlabel(scenery.labels[0], labelpad=1)
     axes.set_ylabel(scenery.labels[1])
     axes.set_title("footprints: pressure, shear on the lower body, adhesion and slip", loc="right")
+
+
+def _arrows(axes: "Axes", at: Array, patch: PatchNodes, largest: float) -> None:
+    """Draw the shear at each node, the largest of all frames as long as 1.8 cells."""
+    from matplotlib.patheffects import withStroke
+
+    cell = np.sqrt(np.median(patch.areas)) * MM
+    arrows = axes.quiver(
+        *at.T * MM,
+        *patch.shear.T,
+        angles="xy",
+        scale_units="xy",
+        scale=largest / (1.8 * cell),
+        units="inches",
+        width=0.014,
+        headwidth=3.5,
+        color=style.INK,
+        zorder=3,
+    )
+    arrows.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
 
 
 def _window(axes: "Axes", scenery: Scenery, k: int) -> None:
@@ -288,8 +305,15 @@ def animation(frames: "list[Image]") -> bytes:
     indexed = [f.quantize(palette=colours, dither=Image.Dither.NONE) for f in frames]
     while True:
         out, stay = io.BytesIO(), [*[MILLISECONDS] * (len(indexed) - 1), LAST]
-        indexed[0].save(out, "GIF", save_all=True, append_images=indexed[1:], duration=stay,
-                        loop=0, optimize=True)  # fmt: skip
+        indexed[0].save(
+            out,
+            "GIF",
+            save_all=True,
+            append_images=indexed[1:],
+            duration=stay,
+            loop=0,
+            optimize=True,
+        )
         if out.tell() <= LARGEST or len(indexed) < 4:
             return out.getvalue()
         indexed = indexed[::-1][::2][::-1]

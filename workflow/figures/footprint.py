@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Footprints on the rail at successive outputs: seen from the gauge side, and developed."""
+"""Footprints on the rail at successive outputs, from the gauge side and developed."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -207,9 +207,14 @@ def _trail(
         s = boxes(flat.flat(patch.position), patch.areas)[..., 1] * MM
         edge, up, side = (s.max(), 4, "bottom") if place == 1 else (s.min(), -4, "top")
         axes.annotate(
-            f"{t * 1e3:.2f} ms", (centres[k, 0], edge), (0, up), textcoords="offset points",
-            ha="right" if k == 0 else "left", va=side, fontsize=6.5,
-        )  # fmt: skip
+            f"{t * 1e3:.2f} ms",
+            (centres[k, 0], edge),
+            (0, up),
+            textcoords="offset points",
+            ha="right" if k == 0 else "left",
+            va=side,
+            fontsize=6.5,
+        )
 
 
 _BEND: dict[str, Any] = {"ha": "right", "va": "bottom", "fontsize": 6, "color": style.INK}
@@ -318,8 +323,10 @@ def outlines(at: Array, areas: Array) -> list[Array]:
     x, y = (np.arange(a, b + d, d) for a, b, d in zip(low, high, step, strict=True))
     depth = np.full((len(y), len(x)), -1.0)
     for (cx, cy), (hx, hy) in zip(at, half, strict=True):
-        i, j = (slice(*np.searchsorted(line, (c - 1.3 * h, c + 1.3 * h)))
-                for line, c, h in ((x, cx, hx), (y, cy, hy)))  # fmt: skip
+        i, j = (
+            slice(*np.searchsorted(line, (c - 1.3 * h, c + 1.3 * h)))
+            for line, c, h in ((x, cx, hx), (y, cy, hy))
+        )
         off = np.abs((x[i] - cx) / hx) ** ROUND + np.abs((y[j, None] - cy) / hy) ** ROUND
         depth[j, i] = np.maximum(depth[j, i], 1.0 - off ** (1 / ROUND))
     return [np.asarray(line) for line in contour_generator(x, y, depth).lines(0.0)]

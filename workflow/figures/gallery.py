@@ -3,7 +3,8 @@
 
 Each function of ``FIGURES`` draws one figure of a record and returns it, or None if there is
 nothing to draw. Its name is that of the file, its docstring is the caption. matplotlib and pyvista
-are imported when a figure is made, so that the command line starts without them.
+are imported when a figure is made, so that the command line starts without them; so is the
+geometry of a model, which only a wheel on a rail needs.
 """
 
 import inspect

@@ -138,8 +138,13 @@ def energy(record: Record) -> "Figure | None":
     label = f"{label}  {_short(total[-1], 'J')}"
     upper.plot(t * time_scale, total * scale, color=style.INK, ls="--", lw=1, label=label)
     upper.set_ylabel(f"energy since the start [{unit}]")
-    upper.legend(loc="upper left", bbox_to_anchor=(1, 1), title="at the end", alignment="left",
-                 title_fontsize=7)  # fmt: skip
+    upper.legend(
+        loc="upper left",
+        bbox_to_anchor=(1, 1),
+        title="at the end",
+        alignment="left",
+        title_fontsize=7,
+    )
     style.letter(upper, "a", "energy ledger")
     _error(lower, t * time_scale, history["balance_error"])
     lower.set_xlabel(f"time [{time_unit}]")

@@ -127,9 +127,15 @@ def _window(axes: "Axes", centre: Array, mark: str, colour: str, half: float) ->
     axes.add_patch(Rectangle(tuple(corner), size, size, fill=False, ec=colour, lw=1))
     way = 1 if mark == "b" else -1
     axes.annotate(
-        mark, tuple((centre + way * half) * MM), xytext=(6 * way, 6 * way),
-        textcoords="offset points", color=colour, weight="bold", ha="center", va="center",
-    )  # fmt: skip
+        mark,
+        tuple((centre + way * half) * MM),
+        xytext=(6 * way, 6 * way),
+        textcoords="offset points",
+        color=colour,
+        weight="bold",
+        ha="center",
+        va="center",
+    )
 
 
 def _note(axes: "Axes", text: str, colour: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pressure and shear of smooth bodies at the last output, the closed form behind."""
+"""Pressure and shear of smooth bodies at the last output against closed forms."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -113,8 +113,14 @@ def _compare(
     axes: "Axes", exact: tuple[Array, Array], nodal: tuple[Array, Array], name: str, error: float
 ) -> None:
     axes.plot(exact[0], exact[1] * MPA, **EXACT, label=f"{name}, same force")
-    axes.plot(nodal[0], nodal[1] * MPA, ".", color=style.PATCH[1], ms=3.5,
-              label=f"contact nodes, {100 * error:.1f} % rms")  # fmt: skip
+    axes.plot(
+        nodal[0],
+        nodal[1] * MPA,
+        ".",
+        color=style.PATCH[1],
+        ms=3.5,
+        label=f"contact nodes, {100 * error:.1f} % rms",
+    )
     axes.set_ylim(bottom=min(0.0, 1.05 * float(nodal[1].min()) * MPA))
     axes.set_ylim(top=1.28 * axes.get_ylim()[1])
     axes.legend(loc="upper right", ncols=1)
@@ -211,9 +217,13 @@ def _legend(fig: "Figure", rest: "AtRest") -> None:
         Line2D([], [], label=f"contact nodes, {rest.error:.1%} rms off", **NODES),
         Line2D([], [], label="half-space, mean over a node's area", **MEANS),
         Line2D([], [], label="half-space, profiles as drawn", **LINES["half-space"]),
-        Line2D([], [], label=f"with a soft layer as the penalty: {rest.softened_error:.1%} rms",
-               **LINES["layer"]),
+        Line2D(
+            [],
+            [],
+            label=f"with a soft layer as the penalty: {rest.softened_error:.1%} rms",
+            **LINES["layer"],
+        ),
         Line2D([], [], label="Hertz", **LINES["Hertz"]),
-    ]  # fmt: skip
+    ]
     keys = keys if rest.expected.hertz else keys[:-1]
     fig.legend(handles=keys, loc="outside lower center", ncols=3, columnspacing=1.2)

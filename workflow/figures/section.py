@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cross-section of wheel and rail through both contact patches."""
+"""Cross-section of wheel and rail through each contact patch, as cells and as nodes."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -215,8 +215,9 @@ def contact_nodes(record: Record) -> "Figure | None":
 def surface_nodes(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return the nodes of the faces that only one of the hexahedra ``(c, 8)`` has."""
     faces = cells[:, FACES].reshape(-1, 4)
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
-                                return_counts=True)  # fmt: skip
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
     return np.unique(faces[first[count == 1]])
 
 
@@ -249,9 +250,14 @@ def _mark_angle(axes: "Axes", patch: PatchNodes, rows: dict[bool, Array], place:
     axes.plot(*ends.T, color=style.PATCH[place], lw=0.9)
     axes.plot(centre[0] + np.array([0, 9]), centre[[1, 1]], color=style.INK, lw=0.6, ls=":")
     axes.text(
-        centre[0] + 9.4, centre[1], f"{np.degrees(patch.contact_angle):.1f}°",
-        color=style.PATCH[place], fontsize=7, weight="bold", va="center",
-    )  # fmt: skip
+        centre[0] + 9.4,
+        centre[1],
+        f"{np.degrees(patch.contact_angle):.1f}°",
+        color=style.PATCH[place],
+        fontsize=7,
+        weight="bold",
+        va="center",
+    )
 
 
 def _unrolled(axes: "Axes", patch: PatchNodes, rows: dict[bool, Array], place: int) -> None:

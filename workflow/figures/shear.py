@@ -71,9 +71,19 @@ def shear_vectors(record: Record) -> "Figure | None":
         _cells(axes, patch, ["#e6e6e6"] * len(patch.areas))
         x, y = patch.local.T * MM
         arrows = axes.quiver(
-            x, y, *(patch.shear.T * MPA), angles="xy", scale_units="xy", scale=unit,
-            color=style.INK, units="inches", width=0.012, headwidth=3.6, headlength=4.2, zorder=3,
-        )  # fmt: skip
+            x,
+            y,
+            *(patch.shear.T * MPA),
+            angles="xy",
+            scale_units="xy",
+            scale=unit,
+            color=style.INK,
+            units="inches",
+            width=0.012,
+            headwidth=3.6,
+            headlength=4.2,
+            zorder=3,
+        )
         mean = np.hypot(patch.longitudinal_shear, patch.lateral_shear) * MPA
         _note(axes, f"θ {np.degrees(patch.shear_angle):.0f}°, mean {mean:.0f} MPa")
         if place in keyless:
@@ -276,6 +286,9 @@ def _key(name: str, **style: Any) -> "Line2D":
 def _legend(fig: "Figure", keys: "list[Line2D]", about: str) -> None:
     about = f"{about}; the wheel rolls to the right"
     fig.legend(
-        handles=keys or [_key("", ls="")], title=about, title_fontsize=7,
-        loc="outside lower center", ncols=max(len(keys), 1),
-    )  # fmt: skip
+        handles=keys or [_key("", ls="")],
+        title=about,
+        title_fontsize=7,
+        loc="outside lower center",
+        ncols=max(len(keys), 1),
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figures of what was sampled: contact forces over time, their spectra and those at probes, modes.
+"""Sampled contact forces over time, their spectra and those of probes, modal participation.
 
 Spectra say what they are made with: window, length of record and what is left of aliases.
 """
@@ -33,9 +33,13 @@ AXES = ("longitudinal, x", "lateral, y", "vertical, z")
 WHEEL_AXES = ("axial", "radial", "circumferential")
 COLOURS = ("#3a8f3a", "#e07b00", "#0b6e99")
 KINDS = {
-    "axial": "#0b6e99", "radial": "#d1242f", "circumferential": "#3a8f3a",
-    "along x": "#3a8f3a", "along y": "#e07b00", "along z": "#0b6e99",
-}  # fmt: skip
+    "axial": "#0b6e99",
+    "radial": "#d1242f",
+    "circumferential": "#3a8f3a",
+    "along x": "#3a8f3a",
+    "along y": "#e07b00",
+    "along z": "#0b6e99",
+}
 SMALL = 1e-6  # of the largest force or density: not drawn
 NAMED = 14  # modes of most energy that are labelled
 APART = 0.04  # of the range: names are no closer

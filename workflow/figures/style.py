@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The look of every figure: fonts, sizes, one colour or colour map per quantity, unit prefixes."""
+"""Style of all figures: fonts, sizes, one colour or colour map per quantity, unit prefixes."""
 
 from contextlib import AbstractContextManager
 from pathlib import Path

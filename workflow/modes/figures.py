@@ -82,8 +82,9 @@ def shapes(result: Modes) -> "Figure":
     points = result.mesh.points
     reach = AMPLITUDE * np.ptp(points, axis=0).max()
     wheel = chosen[0].diameters is not None
-    frame = Frame.around(points + reach * np.sign(points - points.mean(axis=0)),
-                         OBLIQUE if wheel else ASIDE)  # fmt: skip
+    frame = Frame.around(
+        points + reach * np.sign(points - points.mean(axis=0)), OBLIQUE if wheel else ASIDE
+    )
     width = style.PAGE / COLUMNS
     height = min(max(width * frame.height / frame.width, 0.5), 2.4)
     fig = style.figure(style.PAGE, rows * (height + 0.33) + 0.5)
@@ -110,9 +111,15 @@ def picture(result: Modes, mode: Mode, shape: Array, reach: float, frame: Frame)
 
     def fill(view: Any) -> None:
         view.add_mesh(
-            skin, scalars="motion", cmap="RdBu_r", clim=(-1, 1), show_scalar_bar=False,
-            ambient=0.25, specular=0.05, smooth_shading=False,
-        )  # fmt: skip
+            skin,
+            scalars="motion",
+            cmap="RdBu_r",
+            clim=(-1, 1),
+            show_scalar_bar=False,
+            ambient=0.25,
+            specular=0.05,
+            smooth_shading=False,
+        )
         if edges.n_points:
             view.add_mesh(edges, color=style.INK, line_width=1.0)
 
@@ -133,9 +140,14 @@ def key(fig: "Figure", wheel: bool) -> None:
     from matplotlib.colors import Normalize
 
     bar = fig.colorbar(
-        ScalarMappable(Normalize(-1, 1), "RdBu_r"), ax=fig.axes, orientation="horizontal",
-        shrink=0.4, aspect=40, pad=0.01, ticks=[-1, 0, 1],
-    )  # fmt: skip
+        ScalarMappable(Normalize(-1, 1), "RdBu_r"),
+        ax=fig.axes,
+        orientation="horizontal",
+        shrink=0.4,
+        aspect=40,
+        pad=0.01,
+        ticks=[-1, 0, 1],
+    )
     words = "axial, radial or circumferential motion" if wheel else "motion along the named axis"
     bar.set_label(f"{words} over its largest", fontsize=7)
 

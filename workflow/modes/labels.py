@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mode of a wheel looks like: nodal diameters, nodal circles, its share of each direction.
+"""Labels of wheel modes: nodal diameters, nodal circles, share of each direction.
 
 A mode of a body of revolution moves as ``cos nθ`` axially and radially and as ``sin nθ``
 circumferentially, or a quarter of a wave further on. The nodes are taken ring by ring (patch by

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which part of a scene is to vibrate: its mesh, where it is held, and its axle if it has one."""
+"""Part of a scene for modal analysis: mesh, held surfaces, axle."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -169,8 +169,12 @@ def held_dofs(part: Part) -> npt.NDArray[np.int32]:
                 "try --held free, or --set rolling.angle_of_attack=0"
             )
     else:
-        groups = [(dofs, n) for s in part.held.split(",") for dofs in [_on(part, s.strip())]
-                  for n in np.eye(3)]  # fmt: skip
+        groups = [
+            (dofs, n)
+            for s in part.held.split(",")
+            for dofs in [_on(part, s.strip())]
+            for n in np.eye(3)
+        ]
     held = [3 * dofs + int(np.argmax(np.abs(n))) for dofs, n in groups]
     return np.unique(np.concatenate(held)).astype(np.int32) if held else np.zeros(0, np.int32)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a report checks of the results of a run, and how: each against a limit, or not judged."""
+"""Checks of the results of a run, each against a limit."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A run as one page: what was computed, what came out, what was checked, how to do it again.
+"""Report page of a run: settings, results, figures, checks, command to reproduce it.
 
 The page is a single HTML file that holds its pictures; it needs no network and no scripts.
 """

@@ -20,10 +20,24 @@ DEGREES = float(np.degrees(1.0))  # in a radian
 ROWS = 150  # of a table of outputs; left out evenly beyond
 STEPPING = ("internal_force", "contact", "update", "output")
 KNOWN = {
-    "scene", "version", "status", "cells", "nodes", "dofs", "ranks", "steps", "time", "dt",
-    "dt_bound", "wall_seconds", "seconds_per_phase", "element_updates_per_second", "energy",
-    "contacts", "expected",
-}  # fmt: skip
+    "scene",
+    "version",
+    "status",
+    "cells",
+    "nodes",
+    "dofs",
+    "ranks",
+    "steps",
+    "time",
+    "dt",
+    "dt_bound",
+    "wall_seconds",
+    "seconds_per_phase",
+    "element_updates_per_second",
+    "energy",
+    "contacts",
+    "expected",
+}
 
 
 def number(value: float, digits: int = 4, *, zeros: bool = False) -> str:
@@ -112,10 +126,15 @@ def model_table(record: Record, summary: dict[str, Any]) -> Table:
     stepping = sum(seconds.get(phase, 0.0) for phase in STEPPING)
     rows: list[tuple[str, ...]] = [
         (label, thousands(summary[key]))
-        for key, label in (("cells", "hexahedra"), ("nodes", "nodes"),
-                           ("dofs", "degrees of freedom"), ("ranks", "ranks"), ("steps", "steps"))
+        for key, label in (
+            ("cells", "hexahedra"),
+            ("nodes", "nodes"),
+            ("dofs", "degrees of freedom"),
+            ("ranks", "ranks"),
+            ("steps", "steps"),
+        )
         if key in summary
-    ]  # fmt: skip
+    ]
     if "dt" in summary:
         dt, bound = summary["dt"], summary["dt_bound"]
         share = f"{dt / bound:.3g} of the bound {number(bound * 1e9)} ns"
@@ -130,8 +149,10 @@ def model_table(record: Record, summary: dict[str, Any]) -> Table:
         rows.append(("squealx", summary["version"]))
     body = record.body
     if body is not None:
-        counts = {body.names.get(int(r), str(r)): int((body.regions == r).sum())
-                  for r in np.unique(body.regions)}  # fmt: skip
+        counts = {
+            body.names.get(int(r), str(r)): int((body.regions == r).sum())
+            for r in np.unique(body.regions)
+        }
         each = ", ".join(f"{n.replace('_', ' ')} {thousands(c)}" for n, c in counts.items())
         rows.append(("cells of each region", each))
     return Table("Model and computation", PAIRS, rows)

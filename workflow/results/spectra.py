@@ -76,9 +76,15 @@ def spectrum(x: Array, interval: float) -> Spectrum | None:
         return None
     length = min(len(x), max(FEWEST, round(SEGMENT / interval)))
     f, power = signal.welch(
-        x, 1 / interval, window=WINDOW, nperseg=length, noverlap=length // 2,
-        detrend=detrended, scaling="density", axis=0,
-    )  # fmt: skip
+        x,
+        1 / interval,
+        window=WINDOW,
+        nperseg=length,
+        noverlap=length // 2,
+        detrend=detrended,
+        scaling="density",
+        axis=0,
+    )
     kept = (f > 0) & (f < 0.5 / interval * (1 - 1e-9))
     gain = filtering(f[kept], interval).reshape(-1, *[1] * (x.ndim - 1))
     segments = 1 + (len(x) - length) // (length - length // 2)

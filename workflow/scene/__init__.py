@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a scene: read, checked, changed and written."""
+"""Scene as a checked set of tables: read, changed and written."""
 
 from workflow.scene.scene import Scene, SceneError, names
 

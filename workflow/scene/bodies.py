@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a body: what it is made of, its element, its damping."""
+"""Tables of a body: material, element, kinematics, damping."""
 
 from functools import partial
 from typing import Annotated, Any, Literal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a scene that describe friction: a coefficient, or a law with or without memory."""
+"""Tables of friction: a coefficient, or a law with or without memory."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Scenes: what a run is made of, as checked models. Every number is in SI and carries its unit."""
+"""Scene: the complete, checked description of a run; every number is in SI and has its unit."""
 
 import tomllib
 from collections.abc import Iterator, Mapping

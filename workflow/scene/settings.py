@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a scene beside mesh and bodies: contacts, supports, loads, motion, time."""
+"""Tables of contacts, supports, loads, motion, time, guards and output."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self

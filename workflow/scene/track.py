@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a scene that hang springs and dampers on its bodies: vehicle, track, boundaries."""
+"""Tables of springs and dampers: vehicle, track, absorbing boundaries."""
 
 from typing import Literal, Self
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The stability matrix: which small runs it is made of, axis by axis and pair by pair.
+"""Cases of the stability matrix, axis by axis and pair by pair.
 
 Every case starts from one of the bases and changes one key, or the two of a pair. Cells of one
-panel are compared by verdict; what each base is measured by is told in
-:mod:`workflow.stability.cases.run`.
+panel are compared by verdict; the measures of each base are in :mod:`workflow.stability.run`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -57,26 +56,50 @@ BASES: dict[str, tuple[str, dict[str, Any]]] = {
     "load": ("hertz", {"mesh.size": 1e-3, **ends(1e-5)}),
     "corner": (
         "hertz-cylinder",
-        {"mesh.radius": 0.013, "mesh.x": [0.0, 0.012], "mesh.fine_x": [0.0, 0.003],
-         "mesh.height": 0.02, "mesh.depth": 0.02, "mesh.size": 4e-4, "loads": [
-             {"surface": "zmax", "traction": [0.0, 0.0, -300e6]}], **ends(6e-6)},
+        {
+            "mesh.radius": 0.013,
+            "mesh.x": [0.0, 0.012],
+            "mesh.fine_x": [0.0, 0.003],
+            "mesh.height": 0.02,
+            "mesh.depth": 0.02,
+            "mesh.size": 4e-4,
+            "loads": [{"surface": "zmax", "traction": [0.0, 0.0, -300e6]}],
+            **ends(6e-6),
+        },
     ),
     "roll": ("carter", {"mesh.size": 6e-4, "time.safety": 0.6, **ends(2e-5)}),
     "drift": (
         "kalker-creepage",
-        {"mesh.size": 1e-3, "mesh.base_size": 1.1e-3, "mesh.height": 0.01, "mesh.depth": 0.01,
-         "mesh.x": [-0.01, 0.012], "mesh.fine_x": [-0.003, 0.004],
-         "mesh.y": [-0.01, 0.01], "mesh.fine_y": [-0.002, 0.002],
-         "supports": [], "contacts.touch.friction": 0.3, "driven.wheel.shift": [0.0, 0.0, 0.0],
-         "driven.wheel.shift_time": 0.0, "driven.wheel.spin": [0.0, 40 / 0.46, 0.0],
-         "time.safety": 0.8, **ends(6e-5)},
+        {
+            "mesh.size": 1e-3,
+            "mesh.base_size": 1.1e-3,
+            "mesh.height": 0.01,
+            "mesh.depth": 0.01,
+            "mesh.x": [-0.01, 0.012],
+            "mesh.fine_x": [-0.003, 0.004],
+            "mesh.y": [-0.01, 0.01],
+            "mesh.fine_y": [-0.002, 0.002],
+            "supports": [],
+            "contacts.touch.friction": 0.3,
+            "driven.wheel.shift": [0.0, 0.0, 0.0],
+            "driven.wheel.shift_time": 0.0,
+            "driven.wheel.spin": [0.0, 40 / 0.46, 0.0],
+            "time.safety": 0.8,
+            **ends(6e-5),
+        },
     ),
     "spin": (
         "bar-wave",
-        {"mesh.width": 0.01, "mesh.size": 0.0025, "bodies.bar.velocity": [0.0, 0.0, 0.0],
-         "bodies.bar.kinematics": "total-lagrangian", "supports": [], **ends(77.09e-6)},
+        {
+            "mesh.width": 0.01,
+            "mesh.size": 0.0025,
+            "bodies.bar.velocity": [0.0, 0.0, 0.0],
+            "bodies.bar.kinematics": "total-lagrangian",
+            "supports": [],
+            **ends(77.09e-6),
+        },
     ),
-}  # fmt: skip
+}
 
 
 def cases(quick: bool = False) -> list[Case]:
@@ -102,26 +125,38 @@ def _contact_axes() -> Iterator[Case]:
     factors = (0.001, 0.01, 0.1, 0.4, 1, 2, 3, 3.9, 4.1, 6, 10)
     yield from _axis("penalty factor", "slide", factors, lambda p: {face + "penalty": p})
     yield from _axis(
-        "modulus-penalty factor", "slide", (0.1, 0.3, 1, 3, 10, 30, 100),
+        "modulus-penalty factor",
+        "slide",
+        (0.1, 0.3, 1, 3, 10, 30, 100),
         lambda p: {face + "method": "modulus-penalty", face + "penalty": p},
-    )  # fmt: skip
+    )
     yield from _axis(
-        "step factor", "slide", (0.1, 0.3, 0.6, 0.9, 1, 1.02, 1.05, 1.1),
+        "step factor",
+        "slide",
+        (0.1, 0.3, 0.6, 0.9, 1, 1.02, 1.05, 1.1),
         lambda s: {"time.safety": s},
-    )  # fmt: skip
+    )
     yield from _axis(
-        "contact damping / critical", "slide", (0, 0.1, 0.3, 0.5, 1, 1.4, 2),
+        "contact damping / critical",
+        "slide",
+        (0, 0.1, 0.3, 0.5, 1, 1.4, 2),
         lambda z: {face + "damping": float(z)},
-    )  # fmt: skip
+    )
     yield from _axis(
         "friction", "slide", (0, 0.1, 0.3, 0.6, 1, 1.5), lambda f: {face + "friction": float(f)}
     )
     yield from _axis("sliding speed [m/s]", "slide", (0, 1, 10, 50, 100, 300), sliding)
     yield from _axis(
-        "method", "slide",
-        {"one pass": {}, "two-pass": {face + "two_pass": True}, "smooth": {face + "smooth": True},
-         "Lagrange": {face + "method": "lagrange"}}, lambda keys: keys,
-    )  # fmt: skip
+        "method",
+        "slide",
+        {
+            "one pass": {},
+            "two-pass": {face + "two_pass": True},
+            "smooth": {face + "smooth": True},
+            "Lagrange": {face + "method": "lagrange"},
+        },
+        lambda keys: keys,
+    )
 
 
 def sliding(speed: float) -> dict[str, Any]:
@@ -137,9 +172,10 @@ def softer(ratio: float) -> dict[str, Any]:
     """
     load = {"surface": "zmax", "traction": [0.0, 0.0, -PRESSURE / ratio]}
     return {
-        "bodies.base.material": material(E / ratio), "loads": [load],
+        "bodies.base.material": material(E / ratio),
+        "loads": [load],
         "bodies.block.velocity": [SPEED / ratio**0.5, 0.0, 0.0],
-    }  # fmt: skip
+    }
 
 
 def material(modulus: float = E, nu: float = NU) -> dict[str, float]:
@@ -172,8 +208,9 @@ def rolling(spin: float) -> dict[str, Any]:
     time = min(2e-5, 0.006 / speed)
     return {
         "driven.roller.spin": [0.0, float(spin), 0.0],
-        "driven.block.velocity": [-speed, 0.0, 0.0], **ends(time),
-    }  # fmt: skip
+        "driven.block.velocity": [-speed, 0.0, 0.0],
+        **ends(time),
+    }
 
 
 def aspect(ratio: float) -> dict[str, Any]:
@@ -195,8 +232,12 @@ def _geometry_axes() -> Iterator[Case]:
         yield Case("target ends, at 100 m/s, after", label, "", "slide", short)
     for smooth in (False, True):
         for size in (5e-4, 2.5e-4):
-            swapped = {"contacts.touch.contactor": "base_top", "contacts.touch.target": "cap",
-                       "contacts.touch.smooth": smooth, "mesh.size": size}  # fmt: skip
+            swapped = {
+                "contacts.touch.contactor": "base_top",
+                "contacts.touch.target": "cap",
+                "contacts.touch.smooth": smooth,
+                "mesh.size": size,
+            }
             label = f"{'smooth' if smooth else 'facets'} {size * 1e3:g}"
             yield Case("target of R = 13 mm, cells [mm]", label, "", "corner", swapped)
     for label, far in (("0", 0.0), ("10 m", 10.0), ("1 km", 1e3), ("100 km", 1e5)):
@@ -211,8 +252,13 @@ def _pairs() -> Iterator[Case]:
             keys = {face + "penalty": p, "time.safety": s}
             yield Case("penalty × step factor", f"{s:g}", f"{p:g}", "slide", keys)
         for r in (1, 100, 1e4, 1e6):
-            yield Case("penalty × stiffness ratio", f"{r:g}", f"{p:g}", "slide",
-                       {face + "penalty": p, **softer(r)})  # fmt: skip
+            yield Case(
+                "penalty × stiffness ratio",
+                f"{r:g}",
+                f"{p:g}",
+                "slide",
+                {face + "penalty": p, **softer(r)},
+            )
         for a in (1, 5, 20, 50):
             keys, scale = {face + "penalty": p, **aspect(a)}, {"scale": (1, 1, 1 / a)}
             yield Case("penalty × cell aspect", f"{a:g}", f"{p:g}", "slide", keys, scale)
@@ -231,5 +277,11 @@ def _pairs() -> Iterator[Case]:
             yield Case("element × Poisson ratio", f"{nu:g}", element, "press", keys)
     for precision in ("float64", "float32"):
         for spin in (10.0, 100.0, 300.0, 1000.0):
-            yield Case("precision × rotation, free [rad/s]", f"{spin:g}", precision, "spin",
-                       {"time.precision": precision}, spin=spin)  # fmt: skip
+            yield Case(
+                "precision × rotation, free [rad/s]",
+                f"{spin:g}",
+                precision,
+                "spin",
+                {"time.precision": precision},
+                spin=spin,
+            )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The figure of ``squealx stability``: every cell with its verdict and number, and the limits."""
+"""Figure of the stability matrix: every cell with its verdict and number, and the limits."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,9 +30,15 @@ WORDS = {
     "unseen": "blew up unseen",
 }
 LETTER = {
-    "normal force": "N", "change of speed": "v", "tangential force": "T", "ripple": "r",
-    "depth / cell": "d", "pressure": "p", "elongation": "l", "energy": "e",
-}  # fmt: skip
+    "normal force": "N",
+    "change of speed": "v",
+    "tangential force": "T",
+    "ripple": "r",
+    "depth / cell": "d",
+    "pressure": "p",
+    "elongation": "l",
+    "energy": "e",
+}
 MARKS = {"step": ("o", "#0072b2"), "penalty": ("s", "#d55e00"), "damping": ("D", "#7a5195")}
 
 
@@ -94,8 +100,15 @@ def _cell(axes: "Axes", row: dict[str, Any], x: float, y: float, width: float, h
     face = COLOUR[row["kind"]]
     axes.add_patch(Rectangle((x, y), width, high, fc=face, ec="white", lw=0.8))
     ink = "white" if row["kind"] == "unseen" else style.INK
-    axes.text(x + width / 2, y + high / 2, text(row), ha="center", va="center_baseline",
-              fontsize=4.6, color=ink)  # fmt: skip
+    axes.text(
+        x + width / 2,
+        y + high / 2,
+        text(row),
+        ha="center",
+        va="center_baseline",
+        fontsize=4.6,
+        color=ink,
+    )
 
 
 def _strips(axes: "Axes", strips: dict[str, list[dict[str, Any]]], most: int) -> None:
@@ -139,14 +152,18 @@ def _legend(axes: "Axes") -> None:
     handles = [Patch(fc=COLOUR[k], label=WORDS[k]) for k in KINDS]
     axes.legend(handles=handles, loc="upper left", fontsize=6, borderaxespad=0)
     axes.text(
-        0.0, 0.36,
+        0.0,
+        0.36,
         "number: the worst measure in %\n"
         "N normal force, v change of speed, T tangential force,\n"
         "p largest pressure, l elongation, against closed forms;\n"
         "r ripple of the normal force, rms;\n"
         "d penetration over the cell; e energy balance;\n† step at which a guard stopped it",
-        transform=axes.transAxes, va="top", fontsize=5.5, linespacing=1.4,
-    )  # fmt: skip
+        transform=axes.transAxes,
+        va="top",
+        fontsize=5.5,
+        linespacing=1.4,
+    )
 
 
 def _limits(axes: "Axes", limits: Rows) -> None:

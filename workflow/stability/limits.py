@@ -32,9 +32,7 @@ FRICTIONLESS = {FACE + "friction": 0.0}
 TRIED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "friction 0": (FRICTIONLESS, ("step", "penalty", "damping")),
     "friction 0.3": ({}, ("step", "penalty", "damping")),
-    "friction 0.3, at rest": (
-        {"bodies.block.velocity": [0.0, 0.0, 0.0]}, ("step", "penalty")
-    ),
+    "friction 0.3, at rest": ({"bodies.block.velocity": [0.0, 0.0, 0.0]}, ("step", "penalty")),
     "penalty 0.01": ({FACE + "penalty": 0.01}, ("step",)),
     "penalty 2": ({FACE + "penalty": 2.0}, ("step",)),
     "two-pass, friction 0": ({FACE + "two_pass": True, **FRICTIONLESS}, ("step", "penalty")),
@@ -46,12 +44,14 @@ TRIED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "stiffness damping 0.2 µs": ({"bodies.block.stiffness_damping": 2e-7}, ("step",)),
     "one-point": ({f"bodies.{b}.element": "one-point" for b in ("block", "base")}, ("step",)),
     "base 1000 times softer": (
-        {"bodies.base.material": material(E / 1e3),
-         "loads": [{"surface": "zmax", "traction": [0.0, 0.0, -PRESSURE / 1e3]}]},
+        {
+            "bodies.base.material": material(E / 1e3),
+            "loads": [{"surface": "zmax", "traction": [0.0, 0.0, -PRESSURE / 1e3]}],
+        },
         ("step", "penalty"),
     ),
     "block of a fifth of the height": ({"mesh.block": [0.02, 0.02, HEIGHT / 5]}, ("step",)),
-}  # fmt: skip
+}
 QUICK = ("friction 0", "friction 0.3")
 
 

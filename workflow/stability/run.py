@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Run one case of the stability matrix and give it its verdict.
+"""Runs of the stability matrix and their verdicts.
 
 Verdicts: ``accurate``; ``wrong``, stable but off by more than the tolerance of a measure;
 ``refused`` as bad input; ``caught``, stopped by a guard; and ``unseen``, a run that went wild and
@@ -21,11 +21,15 @@ import numpy as np
 
 from contact.theory.closed_forms import hertz_line, hertz_sphere
 from meshes.arrays import Array
+from meshes.formats import read_write
+from meshes.tags import Tag
+from workflow.model.geometry import mesh_of
 from workflow.model.model import Model
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import CapMesh, CurvedMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.guards import GuardError
+from workflow.simulation.run import run
 from workflow.stability.cases import BASES, CELL, HEIGHT, QUIET, RHO, SPEED, Case, cases
 
 TOLERANCES = {
@@ -76,10 +80,6 @@ def scene_of(case: Case, folder: Path) -> Scene:
     scene = Scene.load(name, **{**QUIET, **base, **case.changes})
     if not case.moved:
         return scene
-    from meshes.formats import read_write
-    from meshes.tags import Tag
-    from workflow.model.geometry import mesh_of
-
     mesh, _ = mesh_of(scene)
     points = mesh.points * np.array(case.moved.get("scale", (1.0, 1.0, 1.0)))
     block = mesh.nodes(Tag.BLOCK)
@@ -222,8 +222,6 @@ def exact_pressure(scene: Scene) -> float:
 
 def judge(case: Case) -> Verdict:
     """Run a case and return its verdict."""
-    from workflow.simulation.run import run
-
     began, seen = time.perf_counter(), Seen(case)
 
     def verdict(kind: str, message: str, found: dict[str, float]) -> Verdict:
@@ -272,8 +270,17 @@ WORKERS = 2
 SLOW = ("roll", "drift", "load")  # bases of thousands of cells
 KINDS = ("accurate", "wrong", "refused", "caught", "unseen")
 COLUMNS = (
-    "panel", "x", "y", "kind", "measure", "value", "steps", "step_over_bound", "seconds", "message"
-)  # fmt: skip
+    "panel",
+    "x",
+    "y",
+    "kind",
+    "measure",
+    "value",
+    "steps",
+    "step_over_bound",
+    "seconds",
+    "message",
+)
 
 
 def matrix(

@@ -16,6 +16,8 @@ from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.shear import FEWEST
 from workflow.results.record import Contact, Record
+from workflow.scene.scene import Scene
+from workflow.scene.units import unit_of
 from workflow.study.table import Row, front, grouped, parameters, shipped
 
 if TYPE_CHECKING:
@@ -255,9 +257,6 @@ def _number(table: Sequence[Row]) -> str | None:
 
 def _scaled(key: str, values: Sequence[float | None]) -> tuple[float, str]:
     """Return factor and unit in brackets in which a parameter reads well."""
-    from workflow.scene.scene import Scene
-    from workflow.scene.units import unit_of
-
     unit = unit_of(Scene, key.split("."))
     if unit in ("", "-"):
         return 1.0, ""

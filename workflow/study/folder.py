@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The folder of a study: its scenes, its Snakefile, the result folder of each run, and its lock."""
+"""Folder of a study: its scenes, its Snakefile, the result folder of each run, and its lock."""
 
 import contextlib
 import fcntl

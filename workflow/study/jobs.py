@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The jobs of a study, done by Snakemake; meanwhile a line says how far they are."""
+"""Jobs of a study, done by Snakemake, with a line of progress."""
 
 import contextlib
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Studies: many runs of a scene, or of several, as one checked table of parameters."""
+"""Study: many runs of one or several scenes as a checked table of parameters."""
 
 import itertools
 import re
@@ -174,7 +174,7 @@ def runs_of(study: Study, changes: Mapping[str, Any] | None = None) -> list[Run]
 
 def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str, Any]) -> Run:
     """Return a run with its scene checked."""
-    from workflow.model.geometry import check_profiles
+    from workflow.model.geometry import check_profiles  # a list of studies needs no meshing
 
     ranks, source = row.get("ranks", part.ranks), row.get("scene", part.scene)
     if not isinstance(source, str):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The runs of a study side by side: a row of parameters and results for each, as CSV and table."""
+"""Table of a study: a row of parameters and results for each run, as CSV and on a terminal."""
 
 import csv
 import json
