@@ -75,6 +75,27 @@ def test_line_compression_sums_the_strain():
     assert cf.line_compression(h, far, E, nu) == pytest.approx(johnson, rel=1e-4)
 
 
+@pytest.mark.parametrize("crown", [0.1, 0.03])
+def test_sinking_sums_boussinesq(crown):
+    """Half the approach at the surface; Boussinesq's forces summed by another rule below it."""
+    E, nu = 210e9, 0.3
+    h = cf.hertz_ellipse(1e4, 0.1, crown, cf.contact_modulus(E, nu, E, nu))
+    assert 2 * cf.sinking(h, 1e-9, E, nu) == pytest.approx(h.approach, rel=1e-6)
+    depth, n = 1.5 * h.a, 400
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) / n * axis for axis in (h.a, h.b)))
+    R = np.sqrt(x**2 + y**2 + depth**2)
+    force = 4 * h.pressure(x, y) * h.a * h.b / n**2
+    exact = (1 + nu) / (2 * np.pi * E) * (force * (depth**2 / R**3 + 2 * (1 - nu) / R)).sum()
+    assert cf.sinking(h, depth, E, nu) == pytest.approx(exact, rel=1e-4)
+
+
+def test_work_of_weakening_friction():
+    """The coefficient, integrated over the slip."""
+    found = cf.slip_weakening_work(3e-5, 0.5, 0.1, 1e-5)
+    exact = quad(lambda x: 0.1 + 0.4 * np.exp(-x / 1e-5), 0, 3e-5)[0]
+    assert found == pytest.approx(exact, rel=1e-9)
+
+
 def test_impact_approach_takes_up_the_kinetic_energy():
     """The work of Hertz's force up to the largest approach is m v² / 2."""
     m, R, modulus, v = 0.03, 0.02, 1.15e11, 0.5

@@ -54,9 +54,9 @@ def _impact(record: Record, bodies: Smooth) -> list[Curve]:
 def _creep(record: Record, bodies: Smooth, pair: str) -> list[Curve]:
     """Return the tangential force at the imposed creepage and the last normal force."""
     motion, friction = imposed(record.checked), coulomb(record.checked.contacts[pair])
-    normal = record.history[f"{pair}_normal_force"]
     if not bodies.rolls or not bodies.alike or motion is None or not friction:
         return []
+    normal = record.history[f"{pair}_normal_force"]
     if not len(normal) or normal[-1] <= 0:
         return []
     (xi, eta), hertz, limit = motion[0], bodies.hertz(normal[-1]), friction * normal[-1]
