@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Answers known on paper: Hertz, Cattaneo-Mindlin, Carter, impacts, sliding.
+"""Closed forms: Hertz, Cattaneo-Mindlin, Carter, impacts, sliding, stick-slip.
 
 Sources: K. L. Johnson, Contact Mechanics (1985), equations named in the functions.
 """
