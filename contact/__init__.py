@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact of two surfaces in explicit dynamics.
+"""Contact of two surfaces in explicit dynamics; closed forms in :mod:`contact.theory`.
 
 Names are imported when they are first used: a scene without contact pays nothing.
 """
@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from contact import theory as theory
     from contact.footprint import Footprint as Footprint
     from contact.footprint import Patch as Patch
     from contact.friction import LawState as LawState
@@ -34,8 +35,12 @@ _HOME = {
     "with_memory": "friction",
 }
 
+__all__ = [*_HOME, "theory"]
+
 
 def __getattr__(name: str) -> Any:
+    if name == "theory":
+        return import_module("contact.theory")
     if name not in _HOME:
         raise AttributeError(f"module 'contact' has no attribute {name!r}")
     return getattr(import_module(f"contact.{_HOME[name]}"), name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What cffi makes of contact/kernel/kernel.h."""
+"""Functions of contact/kernel/kernel.h as cffi offers them."""
 
 from typing import Any
 

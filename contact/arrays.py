@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Arrays and structs of the kernel as checked views without copies, and the arrays of a model."""
+"""Views and structs for the kernel, without copies, and what a contact reads of a model."""
 
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary

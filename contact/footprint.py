@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact patches: nodes, pressures, stick and slip zones, and the resultants of each patch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -142,30 +142,24 @@ def shear_angle(shear: Array) -> float:
     return float(np.arctan2(shear[1], shear[0]))
 
 
-def _patch(
-    nodes: Index,
-    position: Array,
-    normal: Array,
-    normal_force: Array,
-    tangential_force: Array,
-    area: Array,
-    stick: npt.NDArray[np.bool_],
-) -> Patch:
-    force = normal_force[nodes]
-    resultant = force @ normal[nodes]
+def _patch(foot: Footprint, nodes: Index) -> Patch:
+    """Return the resultants of some nodes of a footprint."""
+    force, tangential_force = foot.normal_force[nodes], foot.tangential_force[nodes]
+    position, area = foot.position[nodes], foot.area[nodes]
+    resultant = force @ foot.normal[nodes]
     frame = frame_of(resultant / np.linalg.norm(resultant))
-    centre = force @ position[nodes] / force.sum()
-    moment = np.cross(position[nodes] - centre, tangential_force[nodes]).sum(axis=0)
+    centre = force @ position / force.sum()
+    moment = np.cross(position - centre, tangential_force).sum(axis=0)
     return Patch(
         nodes=len(nodes),
-        sticking=int(stick[nodes].sum()),
-        area=float(area[nodes].sum()),
+        sticking=int(foot.stick[nodes].sum()),
+        area=float(area.sum()),
         centre=centre,
         normal_force=float(force.sum()),
         normal_resultant=resultant,
-        tangential_force=tangential_force[nodes].sum(axis=0),
+        tangential_force=tangential_force.sum(axis=0),
         contact_angle=float(contact_angle(resultant)),
-        max_pressure=float((force / area[nodes]).max()),
+        max_pressure=float((force / area).max()),
         frame=frame,
         spin_moment=float(frame[2] @ moment),
     )
@@ -188,33 +182,22 @@ def footprint_of(
     ``component`` ``(n,)`` tells which nodes belong together; patches are numbered
     from high y to low y.
     """
-    stick = stick_zone(friction * normal_force, tangential_force, stick_tolerance)
+    nodal = Footprint(
+        node=node,
+        position=position,
+        normal=normal,
+        normal_force=normal_force,
+        tangential_force=tangential_force,
+        area=area,
+        slip_velocity=slip_velocity,
+        friction=friction,
+        stick=stick_zone(friction * normal_force, tangential_force, stick_tolerance),
+        patch=component,
+        patches=(),
+    )
     count = int(component.max(initial=-1)) + 1
-    parts = [
-        _patch(
-            np.flatnonzero(component == k),
-            position,
-            normal,
-            normal_force,
-            tangential_force,
-            area,
-            stick,
-        )
-        for k in range(count)
-    ]
+    parts = [_patch(nodal, np.flatnonzero(component == k)) for k in range(count)]
     order = sorted(range(count), key=lambda k: (-parts[k].centre[1], parts[k].centre[0]))
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
-    return Footprint(
-        node,
-        position,
-        normal,
-        normal_force,
-        tangential_force,
-        area,
-        slip_velocity,
-        friction,
-        stick,
-        rank[component],
-        tuple(parts[k] for k in order),
-    )
+    return replace(nodal, patch=rank[component], patches=tuple(parts[k] for k in order))

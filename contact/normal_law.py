@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Normal laws of contact, and what each asks of the time step.
+"""Normal laws of contact and their demands on the time step.
 
 ``penalty``
     A spring of ``penalty * m_eff / dt^2``: stable by construction, softer at a longer step.

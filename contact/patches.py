@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which nodes make a patch, and which patch is which from one output to the next."""
+"""Contact patches: nodes parted by peaks of pressure, patches followed from output to output."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact surfaces as flat arrays; the only room of this package that knows DOLFINx domains."""
+"""Contact surfaces as flat arrays, from tagged facets of a DOLFINx domain."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from contact.theory.closed_forms import contact_modulus
-from contact.theory.wheel_on_rail import expected
+from contact.theory.wheel_on_rail import wheel_on_rail
 from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
@@ -30,7 +30,7 @@ def pressed(shift: float):
     """Return what is expected of the wheel at a lateral shift."""
     at = place(shift=shift)
     wheel, rail = wheel_surface(s1002(), RADIUS, at.centre), rail_surface(rail_in_track())
-    return expected(wheel, rail, at.tread_point, LOAD, MODULUS)
+    return wheel_on_rail(wheel, rail, at.tread_point, LOAD, MODULUS)
 
 
 def figure(path, found):

@@ -23,7 +23,7 @@ ITERATIONS = 500
 
 
 @dataclass(frozen=True)
-class HalfSpace:
+class HalfSpaceContact:
     """Pressure between two half-spaces.
 
     Attributes:
@@ -52,7 +52,7 @@ class HalfSpace:
 
 def half_space_contact(
     gap: Array, spacing: tuple[float, float], load: float, modulus: float, layer: float = 0.0
-) -> HalfSpace:
+) -> HalfSpaceContact:
     """Return the pressure between two half-spaces pressed together by a force.
 
     A thin soft layer between them, as penalty springs are, gives way under its own pressure only.
@@ -92,7 +92,7 @@ def half_space_contact(
         new *= total / new.sum()
         change, p = float(np.abs(new - p).sum()) / total, new
         if change < TOLERANCE:
-            return HalfSpace(p, spacing, approach, iteration)
+            return HalfSpaceContact(p, spacing, approach, iteration)
     raise RuntimeError(f"half-space contact: no convergence in {ITERATIONS} iterations")
 
 

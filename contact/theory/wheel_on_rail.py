@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What half-space theory expects of a wheel that is pressed on a rail: Hertz, and the true shape.
+"""Half-space contact of a wheel on a rail: by Hertz, and with the true shape of both.
 
 Hertz takes the curvatures of the undeformed surfaces where they first touch. The numerical solution
 takes the distance between them, normal to the tangent plane there, wherever it is small.
@@ -12,7 +12,7 @@ import numpy as np
 
 from contact.footprint import frame_of
 from contact.theory.closed_forms import Hertz, hertz_ellipse
-from contact.theory.half_space import HalfSpace, half_space_contact
+from contact.theory.half_space import HalfSpaceContact, half_space_contact
 from meshes.arrays import Array
 from meshes.profiles.surfaces import Surface
 
@@ -23,8 +23,8 @@ ROUNDS = 8  # in which the grid is fitted to the patch
 
 
 @dataclass(frozen=True)
-class Expected:
-    """What is expected of a wheel pressed on a rail where they stand.
+class WheelOnRail:
+    """Half-space contact of a wheel pressed on a rail where they stand.
 
     Attributes:
         origin: First touch of the undeformed surfaces, shape ``(3,)`` [m].
@@ -41,7 +41,7 @@ class Expected:
     hertz: Hertz | None
     x: Array
     y: Array
-    half_space: HalfSpace
+    half_space: HalfSpaceContact
 
     @property
     def angle(self) -> float:
@@ -75,8 +75,10 @@ class Expected:
         return np.asarray(np.mean([p(points) for points in around], axis=0))
 
 
-def expected(wheel: Surface, rail: Surface, near: Array, load: float, modulus: float) -> Expected:
-    """Return what is expected of a wheel pressed on a rail.
+def wheel_on_rail(
+    wheel: Surface, rail: Surface, near: Array, load: float, modulus: float
+) -> WheelOnRail:
+    """Return the half-space contact of a wheel pressed on a rail.
 
     Args:
         wheel: Running surface of the wheel where it stands.
@@ -95,16 +97,16 @@ def expected(wheel: Surface, rail: Surface, near: Array, load: float, modulus: f
     if min(radii) > 0 and np.isfinite(radii[1]):
         hertz = hertz_ellipse(load, *radii, modulus)
     x, y, found = _pressed(wheel, rail, origin, frame, load, modulus, 0.0)
-    return Expected(origin, frame, radii, hertz, x, y, found)
+    return WheelOnRail(origin, frame, radii, hertz, x, y, found)
 
 
-def softened(
-    hard: Expected, wheel: Surface, rail: Surface, load: float, modulus: float, layer: float
-) -> Expected:
-    """Return what is expected with a soft layer between the surfaces, as penalty springs are.
+def with_layer(
+    hard: WheelOnRail, wheel: Surface, rail: Surface, load: float, modulus: float, layer: float
+) -> WheelOnRail:
+    """Return the contact with a soft layer between the surfaces, as penalty springs are.
 
     Args:
-        hard: What is expected without it.
+        hard: The contact without it.
         wheel: Running surface of the wheel where it stands.
         rail: That of the rail.
         load: Normal force [N].
@@ -153,7 +155,7 @@ def _pressed(
     load: float,
     modulus: float,
     layer: float,
-) -> tuple[Array, Array, HalfSpace]:
+) -> tuple[Array, Array, HalfSpaceContact]:
     """Return a grid that just holds the patch, and the contact on it.
 
     Half-spaces touch only where the undeformed surfaces overlap at their approach.

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact.creepage import rigid_motion
-from contact.theory import wheel_on_rail
 from contact.theory.closed_forms import contact_modulus
+from contact.theory.wheel_on_rail import WheelOnRail, wheel_on_rail, with_layer
 from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
@@ -48,8 +48,8 @@ class AtRest:
     """
 
     patch: PatchNodes
-    expected: wheel_on_rail.Expected
-    softened: wheel_on_rail.Expected
+    expected: WheelOnRail
+    softened: WheelOnRail
     overlap: float
 
     @property
@@ -75,7 +75,7 @@ class AtRest:
         """The same with the layer: what is not due to the penalty."""
         return self._off(self.softened)
 
-    def _off(self, e: wheel_on_rail.Expected) -> float:
+    def _off(self, e: WheelOnRail) -> float:
         off = self.pressure - e.pressure(self.at, self.patch.areas)
         return float(np.sqrt(np.mean(off**2)) / e.half_space.pressure.max())
 
@@ -197,10 +197,9 @@ def compared(
     drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
     load = patch.normal_force
-    hard = wheel_on_rail.expected(wheel, rail, patch.centre, load, modulus)
-    layer = overlap / float((patch.pressure).max())
-    soft = wheel_on_rail.softened(hard, wheel, rail, load, modulus, layer)
-    return AtRest(patch, hard, soft, overlap)
+    hard = wheel_on_rail(wheel, rail, patch.centre, load, modulus)
+    layer = overlap / float(patch.pressure.max())
+    return AtRest(patch, hard, with_layer(hard, wheel, rail, load, modulus, layer), overlap)
 
 
 def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Surface:
