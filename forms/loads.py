@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads that are not springs: dead loads, drive torque, mass-proportional damping.
+"""Dead loads, drive torque and mass-proportional damping.
 
-Each is a callable ``add(state, force)`` and knows the work it has done.
+Each has ``add(state, force)`` and counts its work.
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,9 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 
-Array = npt.NDArray[np.float64]
-Dofs = npt.NDArray[np.int32]
+from forms.arrays import Array, Dofs, Index
 
 
 def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
@@ -23,7 +21,7 @@ def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
     return rho * ufl.inner(ufl.as_vector(list(g)), w)
 
 
-def nodal_traction(points: Array, quads: npt.NDArray[np.int64], traction: Array) -> Array:
+def nodal_traction(points: Array, quads: Index, traction: Array) -> Array:
     """Return the nodal forces of a dead traction on bilinear quads, shape ``(n, 3)`` [N].
 
     Args:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The forms of all bodies of a scene: internal work, energies, viscosity, and the stable step."""
+"""Forms of the bodies of a scene: internal work, energies, viscosity; and the stable step."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -8,10 +8,10 @@ import numpy as np
 import ufl
 
 from forms import elements
+from forms.arrays import Array
 from forms.cells import one_point
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
-from forms.kernel import Array
 from forms.springs.connections import Connections
 from forms.springs.step_bound import NONE, Attached, as_springs, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency
@@ -126,9 +126,14 @@ class Bodies:
                 forms.append(viscous * one_point(dx, mixed=body.element != "one-point"))
             if body.stiffness_damping:
                 work = elements.internal_work(
-                    body.element, self.laws[name], v, w, constants, dx,
+                    body.element,
+                    self.laws[name],
+                    v,
+                    w,
+                    constants,
+                    dx,
                     coefficient=body.hourglass_coefficient,
-                )  # fmt: skip
+                )
                 forms.append(body.stiffness_damping * work)
         return sum(forms)
 
