@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Derivatives by the coordinates of the reference cell, and exact cell means of gradients.
+"""Exact cell means of gradients, from derivatives by the coordinates of the reference cell.
 
 On a trilinear hexahedron every field of the vector P1 space is
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Hexahedra that do not lock as ν → 1/2: the volume changes by its mean over the cell only.
+"""Mean dilatation elements: hexahedra without volumetric locking as ν → 1/2.
 
-The work is split: shape at 2×2×2 points, volume at one point with the exact mean of the cell. For
-small strain that is the B-bar element (Hughes, Int. J. Numer. Meth. Engng 15, 1980, 1413–1418), for
-neo-Hookean solids the mean dilatation ``J̄ = v / V`` (Simo, Taylor and Pister, Comput. Methods
-Appl. Mech. Engng 51, 1985, 177–208), the counterpart of F-bar that has an energy.
+The volume changes by its mean over the cell only: the work of the shape is taken at 2×2×2 points,
+that of the volume at one point with the exact mean of the cell. For small strain this is the B-bar
+element (Hughes, Int. J. Numer. Meth. Engng 15, 1980, 1413–1418), for neo-Hookean solids the mean
+dilatation ``J̄ = v / V`` (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engng 51, 1985,
+177–208), the counterpart of F-bar that has an energy.
 
     form = shape(u, w, material) * dx + dilatation(u, w, material) * one_point(dx, mixed=True)
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Elastic materials and the residual integrands of a body, in UFL.
+"""Isotropic linear elasticity at small strain and in total Lagrangian form, in UFL.
 
 A residual is any function ``residual(u, w, material, v=None)`` that returns the integrand of the
 internal virtual work of displacement ``u`` in direction ``w``. ``v``, the velocity, is passed only

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Elements and material laws by name, and the forms of a body that is made of them."""
+"""Elements and material laws by name, and the forms of a body made of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ ELEMENTS = ("full", "one-point", "selective")
 
 @dataclass(frozen=True)
 class Law:
-    """A material law: a residual and its energy, and their shape parts where there are such.
+    """A material law: residual and strain energy, and the parts of both that change shape only.
 
     Attributes:
         residual: ``residual(u, w, material, v=None)``, integrand of the internal virtual work.

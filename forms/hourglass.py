@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Hexahedra with one quadrature point, and the stiffness of the twelve modes it does not see.
+"""One-point hexahedra with hourglass control of the twelve modes without strain at the centre.
 
 Hourglass amplitudes (Flanagan and Belytschko, Int. J. Numer. Meth. Engng 17, 1981, 679–706): what
 a field has beyond a linear one,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled cell kernels: the one place where a UFL one-form becomes native code and is applied."""
+"""Compiled cell kernels of UFL one-forms and functionals."""
 
 import logging
 from typing import Any
@@ -8,14 +8,11 @@ from mpi4py import MPI  # noqa: F401  (before dolfinx, which is linked with its 
 
 import dolfinx
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from forms.simd.cache import compiling
 from forms.simd.native import TIMEOUT, NativeKernel, Unsupported
-
-Array = npt.NDArray[np.float64]
 
 # FFCx's default flags run these kernels five times slower. Fast-math still propagates a NaN through
 # sums and products; the guard that looks for it is compiled without (tests/forms/test_kernel.py).

@@ -8,14 +8,11 @@ from typing import Any, ClassVar
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 
 from forms.rank_sums import gathered, own_part
+from meshes.arrays import Array, Dofs, Index
 from meshes.quads import nodal_areas
-
-Array = npt.NDArray[np.float64]
-Dofs = npt.NDArray[np.int32]
 
 
 def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
@@ -23,7 +20,7 @@ def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
     return rho * ufl.inner(ufl.as_vector(list(g)), w)
 
 
-def nodal_traction(points: Array, quads: npt.NDArray[np.int64], traction: Array) -> Array:
+def nodal_traction(points: Array, quads: Index, traction: Array) -> Array:
     """Return the nodal forces of a dead traction on bilinear quads, shape ``(n, 3)`` [N].
 
     Args:

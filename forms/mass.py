@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Lumped mass and body forces."""
+"""Lumped mass."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,8 @@ import dolfinx
 import numpy as np
 import ufl
 
-from forms.kernel import Array, CellKernel
+from forms.kernel import CellKernel
+from meshes.arrays import Array
 
 
 def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Array:

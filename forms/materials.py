@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Materials beyond isotropic Hooke: compressible neo-Hookean, and orthotropic.
+"""Compressible neo-Hookean and orthotropic linear materials.
 
 Residuals are as in :mod:`forms.elasticity`: ``residual(u, w, material, v=None)`` is the integrand
 of the internal virtual work, the derivative of ``energy(u, material)`` in direction ``w``.
@@ -11,12 +11,11 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from ufl import Identity, as_matrix, det, dot, grad, inner, inv, ln, sym, tr
 
 from forms.elasticity import Elastic, green_lagrange
+from meshes.arrays import Array
 
-Array = npt.NDArray[np.float64]
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of the six strains here
 

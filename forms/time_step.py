@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The largest stable step of central difference, from the scene's own forms."""
+"""Largest eigenfrequency of cells and of the assembled system, and the stable step."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,12 +7,12 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from scipy.linalg import eigh_tridiagonal
 
-from forms.kernel import Array, CellKernel
+from forms.kernel import CellKernel
+from meshes.arrays import Array, Index
 
 CHUNK = 4096  # cells whose 24×24 eigenproblems are solved at once
 GROUP = 65536  # cells whose matrices are kept at once, 0.3 GB
@@ -83,7 +83,7 @@ def _columns(
     return owned, column
 
 
-def _eigenvalues(cells: npt.NDArray[np.int64], column: Callable[[int], Array]) -> Array:
+def _eigenvalues(cells: Index, column: Callable[[int], Array]) -> Array:
     """Largest eigenvalue of each of the given cells."""
     matrices = np.stack([column(j)[cells] for j in range(24)], axis=2)
     chunks = (matrices[i : i + CHUNK] for i in range(0, len(cells), CHUNK))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bulk viscosity: a pressure against fast compression that spreads shocks over a few cells.
+"""Bulk viscosity: pressure against fast compression, which spreads shocks over a few cells.
 
 von Neumann and Richtmyer (J. Appl. Phys. 21, 1950, 232–237) with the linear term of Landshoff, in
 the form and with the constants of the large explicit codes.

@@ -12,11 +12,11 @@ from forms import elements
 from forms.cells import one_point
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
-from forms.kernel import Array, CellIntegral, CellKernel
+from forms.kernel import CellIntegral, CellKernel
 from forms.mass import lumped_mass
 from forms.rank_sums import gathered, own_part
 from forms.viscosity import bulk_viscosity, tangent_viscosity
-from meshes.arrays import Dofs
+from meshes.arrays import Array, Dofs
 from meshes.domain import Domain
 from workflow.model.geometry import cell_size
 from workflow.model.state import State
@@ -137,9 +137,14 @@ class Bodies:
                 forms.append(viscous * one_point(dx, mixed=body.element != "one-point"))
             if body.stiffness_damping:
                 work = elements.internal_work(
-                    body.element, self.laws[name], v, w, constants, dx,
+                    body.element,
+                    self.laws[name],
+                    v,
+                    w,
+                    constants,
+                    dx,
                     coefficient=body.hourglass_coefficient,
-                )  # fmt: skip
+                )
                 forms.append(body.stiffness_damping * work)
         return sum(forms)
 
