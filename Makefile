@@ -10,12 +10,13 @@ export OMP_NUM_THREADS ?= 1
 
 KERNEL := $(wildcard contact/kernel/*.[ch] contact/kernel/CMakeLists.txt)
 
-.PHONY: help setup demo test lint format clean
+.PHONY: help setup demo test test-all lint format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo   run the main job (scene flange-transition, coarse) into demo/, with figures and report"
-	@echo "make test   linters, type check and the whole test suite (PYTEST='-m \"not slow\"' for less)"
+	@echo "make test   linters, type check and the test suite (PYTEST='-m \"not slow\"' for less)"
+	@echo "make test-all  the same with the long tests: rows once more at finer sizes"
 	@echo "make lint   linters and type check only;  make format  lay out Python and C"
 	@echo "make setup  make .venv ready (PYTHON=... picks the interpreter)"
 	@echo "make clean  remove what was built, caches and demo/;  .venv stays"
@@ -30,8 +31,14 @@ demo: setup
 	$(BIN)/squealx run flange-transition --out demo --ranks $(RANKS)
 	$(BIN)/squealx report demo
 
+# one worker per file, the longest files first
+SUITE := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
 test: lint
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile $(PYTEST)
+	$(SUITE) -m "not long" $(PYTEST)
+
+test-all: lint
+	$(SUITE) $(PYTEST)
 
 lint: setup
 	$(BIN)/ruff check

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.footprint import Patch
-
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 AROUND = (3.0, 8.0)  # nodes that show the rigid motion: distance in radii of the patch
 FEWEST = 24  # of them; the nearest ones, where a coarse mesh has fewer

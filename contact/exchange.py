@@ -9,16 +9,13 @@ and adds forces to the dofs that it owns.
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from contact._kernel import lib
-from contact.arrays import view
+from contact.arrays import Index32, view
+from meshes.arrays import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int32]
 
 
 class Exchange:
@@ -28,9 +25,10 @@ class Exchange:
         xv: Current position and velocity, shape ``(n, 6)`` [m, m/s].
         past: Positions at the last :meth:`mark`, shape ``(n, 3)`` [m].
         ahead: As ``xv``, one step ahead, see :meth:`predict`.
+        c_xv, c_ahead: The same for the kernel.
     """
 
-    def __init__(self, reference: Array, dofs: Index, comm: "MPI.Comm | None") -> None:
+    def __init__(self, reference: Array, dofs: Index32, comm: "MPI.Comm | None") -> None:
         """Prepare for nodes at ``reference`` ``(n, 3)`` with owned ``dofs`` ``(n,)`` or -1."""
         n = len(reference)
         self.comm = comm if comm is not None and comm.size > 1 else None
@@ -53,13 +51,13 @@ class Exchange:
             view("reference", self._reference, (n, 3)),
         )
         self._past = view("past", self.past, (n, 3))
-        self._xv = view("xv", self.xv, (n, 6), out=True)
-        self._ahead = view("ahead", self.ahead, (n, 6), out=True)
+        self.c_xv = view("xv", self.xv, (n, 6), out=True)
+        self.c_ahead = view("ahead", self.ahead, (n, 6), out=True)
         self._split: tuple[Any, ...] | None = None
         self._all = self._plan(np.arange(n, dtype=np.int32))
-        self._near = self._plan(np.empty(0, dtype=np.int32))
+        self._chosen = self._plan(np.empty(0, dtype=np.int32))
 
-    def _plan(self, item: Index) -> tuple[Any, ...]:
+    def _plan(self, item: Index32) -> tuple[Any, ...]:
         """Return who sends what for these nodes: (own, its view, order, counts, buffer)."""
         item = item[self._owner[item] >= 0]
         own = np.ascontiguousarray(item[self._dofs[item] >= 0])
@@ -76,7 +74,7 @@ class Exchange:
                 f"state: expected u and v of at least {self._need} values, got {u.size}, {v.size}"
             )
         cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
-        moved = lib.wr_gather(len(own), c_own, *self._c, cu, cv, self._past, self._xv)
+        moved = lib.wr_gather(len(own), c_own, *self._c, cu, cv, self._past, self.c_xv)
         if self.comm is None:
             return moved
         self.comm.Allgatherv(self.xv[own], (buffer, counts))
@@ -101,7 +99,7 @@ class Exchange:
             ride = self.comm.allreduce(ride)
         past = view("past", self.past + ride, self.past.shape)
         cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
-        ways = [lib.wr_gather(k, own, *self._c, cu, cv, past, self._xv) for k, own in self._split]
+        ways = [lib.wr_gather(k, own, *self._c, cu, cv, past, self.c_xv) for k, own in self._split]
         # a surface without dofs stands still and is seen to ride backwards
         fixed = (self._owner[:first].max() < 0, self._owner[first:].max() < 0)
         still = float(np.linalg.norm(ride))
@@ -118,33 +116,33 @@ class Exchange:
 
     def update(self, u: Array, v: Array) -> float:
         """Read the chosen nodes; return the largest distance they moved [m]."""
-        return self._gather(self._near, u, v)
+        return self._gather(self._chosen, u, v)
 
-    def predict(self, force: Array, mass: Any, dt: float, kick: float) -> None:
+    def predict(self, c_pass: Any, force: Array, dt: float, kick: float) -> None:
         """Fill ``ahead`` for the chosen nodes.
 
         Args:
+            c_pass: The pass, for the kernel.
             force: All forces of the step but those of the contact, flat, owned dofs [N].
-            mass: View of the nodal masses [kg].
             dt: Step [s].
             kick: Time over which the forces act; half of it at the start, whose v is at t [s].
         """
-        own, c_own, order, _, buffer = self._near
+        own, c_own, order, _, buffer = self._chosen
         c_force = view("force", force, (-1,))
-        lib.wr_predict(len(own), c_own, self._c[0], mass, dt, kick, self._xv, c_force, self._ahead)
+        lib.wr_predict(c_pass, len(own), c_own, dt, kick, c_force, self.c_ahead)
         if self.comm is not None:
-            self.comm.Allgatherv(self.ahead[own], (buffer, self._near[3]))
+            self.comm.Allgatherv(self.ahead[own], (buffer, self._chosen[3]))
             self.ahead[order] = buffer
 
     @property
     def shared(self) -> int:
         """Number of nodes that the ranks tell each other of at every step, 48 bytes each."""
-        return len(self._near[2])
+        return len(self._chosen[2])
 
     def mark(self) -> None:
         """Measure motion from the present positions."""
         self.past[:] = self.xv[:, :3]
 
-    def choose(self, item: Index) -> None:
+    def choose(self, item: Index32) -> None:
         """Make :meth:`update` read these nodes only."""
-        self._near = self._plan(item)
+        self._chosen = self._plan(item)

@@ -11,19 +11,37 @@ from types import CodeType
 
 import numpy as np
 
-from contact.friction import Array, Law, LawState
+from contact.friction import Law, LawState
+from meshes.arrays import Array
 
 VARIABLES = ("slip_rate", "pressure", "t", "previous")
 FUNCTIONS = {
-    "abs": np.abs, "arctan": np.arctan, "cos": np.cos, "exp": np.exp, "log": np.log,
-    "max": np.maximum, "min": np.minimum, "sin": np.sin, "sqrt": np.sqrt, "tanh": np.tanh,
+    "abs": np.abs,
+    "arctan": np.arctan,
+    "cos": np.cos,
+    "exp": np.exp,
+    "log": np.log,
+    "max": np.maximum,
+    "min": np.minimum,
+    "sin": np.sin,
+    "sqrt": np.sqrt,
+    "tanh": np.tanh,
     "where": np.where,
-}  # fmt: skip
+}
 _ARGUMENTS = {"max": 2, "min": 2, "where": 3}
 _OPERATORS = (
-    ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub,
-    ast.Lt, ast.LtE, ast.Gt, ast.GtE,
-)  # fmt: skip
+    ast.Add,
+    ast.Sub,
+    ast.Mult,
+    ast.Div,
+    ast.Pow,
+    ast.UAdd,
+    ast.USub,
+    ast.Lt,
+    ast.LtE,
+    ast.Gt,
+    ast.GtE,
+)
 _LONGEST = 500  # characters
 
 
@@ -43,8 +61,11 @@ def expression(text: str) -> Law:
 
     def law(slip_rate: Array, pressure: Array, state: LawState) -> Array:
         values = {
-            "slip_rate": slip_rate, "pressure": pressure, "t": state.t, "previous": state.friction
-        }  # fmt: skip
+            "slip_rate": slip_rate,
+            "pressure": pressure,
+            "t": state.t,
+            "previous": state.friction,
+        }
         with np.errstate(all="ignore"):  # what is not finite is refused with its place
             value = eval(code, names, values)
         return np.asarray(value) if np.ndim(value) else np.full(slip_rate.shape, float(value))

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ class Footprint:
 
 
 def stick_zone(limit: Array, tangential: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-    """Return which nodes adhere: the friction left exceeds a part of the largest traction.
+    """Return which nodes adhere: the friction left exceeds a part of the largest tangential one.
 
     Args:
         limit: friction * F_n, shape ``(n,)`` [N].
@@ -144,14 +143,19 @@ def shear_angle(shear: Array) -> float:
 
 
 def _patch(
-    nodes: Index, position: Array, normal: Array, pressing: Array, traction: Array, area: Array,
+    nodes: Index,
+    position: Array,
+    normal: Array,
+    normal_force: Array,
+    tangential_force: Array,
+    area: Array,
     stick: npt.NDArray[np.bool_],
-) -> Patch:  # fmt: skip
-    force = pressing[nodes]
+) -> Patch:
+    force = normal_force[nodes]
     resultant = force @ normal[nodes]
     frame = frame_of(resultant / np.linalg.norm(resultant))
     centre = force @ position[nodes] / force.sum()
-    moment = np.cross(position[nodes] - centre, traction[nodes]).sum(axis=0)
+    moment = np.cross(position[nodes] - centre, tangential_force[nodes]).sum(axis=0)
     return Patch(
         nodes=len(nodes),
         sticking=int(stick[nodes].sum()),
@@ -159,7 +163,7 @@ def _patch(
         centre=centre,
         normal_force=float(force.sum()),
         normal_resultant=resultant,
-        tangential_force=traction[nodes].sum(axis=0),
+        tangential_force=tangential_force[nodes].sum(axis=0),
         contact_angle=float(contact_angle(resultant)),
         max_pressure=float((force / area[nodes]).max()),
         frame=frame,
@@ -168,24 +172,49 @@ def _patch(
 
 
 def footprint_of(
-    node: Index, position: Array, normal: Array, pressing: Array, traction: Array, area: Array,
-    slip_velocity: Array, friction: Array, component: Index, stick_tolerance: float,
-) -> Footprint:  # fmt: skip
+    node: Index,
+    position: Array,
+    normal: Array,
+    normal_force: Array,
+    tangential_force: Array,
+    area: Array,
+    slip_velocity: Array,
+    friction: Array,
+    component: Index,
+    stick_tolerance: float,
+) -> Footprint:
     """Return the footprint of nodes in contact; arrays as in :class:`Footprint`.
 
     ``component`` ``(n,)`` tells which nodes belong together; patches are numbered
     from high y to low y.
     """
-    stick = stick_zone(friction * pressing, traction, stick_tolerance)
+    stick = stick_zone(friction * normal_force, tangential_force, stick_tolerance)
     count = int(component.max(initial=-1)) + 1
     parts = [
-        _patch(np.flatnonzero(component == k), position, normal, pressing, traction, area, stick)
+        _patch(
+            np.flatnonzero(component == k),
+            position,
+            normal,
+            normal_force,
+            tangential_force,
+            area,
+            stick,
+        )
         for k in range(count)
     ]
     order = sorted(range(count), key=lambda k: (-parts[k].centre[1], parts[k].centre[0]))
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
     return Footprint(
-        node, position, normal, pressing, traction, area, slip_velocity, friction, stick,
-        rank[component], tuple(parts[k] for k in order),
-    )  # fmt: skip
+        node,
+        position,
+        normal,
+        normal_force,
+        tangential_force,
+        area,
+        slip_velocity,
+        friction,
+        stick,
+        rank[component],
+        tuple(parts[k] for k in order),
+    )

@@ -15,14 +15,12 @@ the cells.
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from contact._kernel import lib
-from contact.arrays import view
-from contact.history import History
-from contact.neighbourhood import Neighbourhood
-
-Array = npt.NDArray[np.float64]
+from contact._kernel import ffi, lib
+from contact.arrays import struct, view
+from contact.candidates import Candidates
+from contact.contact_state import ContactState
+from meshes.arrays import Array
 
 TOLERANCE = 1e-10  # last move of the sweeps over the deepest overlap that they remove
 _SWEEPS = 200
@@ -30,42 +28,34 @@ _LOST = 1e-3  # with a larger last move the forces mean nothing
 
 
 class Lagrange:
-    """The solver of one pair.
+    """The solver of one pass.
 
     Attributes:
         sweeps: Gauss-Seidel sweeps of the last step.
         residual: Their last move over the deepest overlap [-].
     """
 
-    def __init__(self, near: Neighbourhood, history: History, fixed: dict[str, Any]) -> None:
-        """Bind the arrays of a pair; ``fixed`` are views of ``mass, dofs, quad, xv``."""
-        self._near, self._history = near, history
-        nc, n = len(history.gap), len(near.nodes)
-        self._work, self._dv = np.zeros((nc, lib.WR_ROW)), np.zeros((n, 3))
-        self._info = np.zeros(2)
-        ahead = near.exchange.ahead
-        self._mass, self._xv = fixed["mass"], fixed["xv"]
-        self._ahead = view("ahead", ahead, ahead.shape)
-        h = history.c
-        names = "gap stiffness offset pressing approach traction slip touching"
-        self._c = (
-            h["friction"], fixed["xv"], self._ahead, fixed["mass"], fixed["dofs"], fixed["quad"],
-            h["facet"], h["xi"], h["normal"], *(h[name] for name in names.split()),
-            view("work", self._work, (nc, -1), out=True), view("dv", self._dv, (n, 3), out=True),
-        )  # fmt: skip
-        self._c_info = view("info", self._info, (2,), out=True)
-        smooth = near.search.smooth
-        curved = smooth.c[1:] if smooth else near.search.flat[1:]
-        self._c_overlap = (fixed["xv"], fixed["quad"], *curved, h["facet"], h["xi"], h["normal"])
+    def __init__(self, candidates: Candidates, state: ContactState, c_pass: Any) -> None:
+        """Bind candidates and state of a pass to ``c_pass``, the pass for the kernel."""
+        self._candidates, self._state, self._c_pass = candidates, state, c_pass
+        nc, n = candidates.search.nc, candidates.search.n
+        self._solver = struct(
+            "wr_solver",
+            tolerance=TOLERANCE,
+            most=_SWEEPS,
+            ahead=candidates.exchange.ahead,
+            row=ffi.new("wr_row[]", nc),
+            dv=np.zeros((n, 3)),
+        )
 
     def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
         """Find the gaps one step ahead; ``touching`` nodes pressed at the last step."""
-        near, h = self._near, self._history
-        if near.search.smooth:
-            near.search.smooth.update(self._xv)
-        h.total[4] = lib.wr_overlap(touching, h.c["touching"], *self._c_overlap)
-        near.exchange.predict(force, self._mass, dt, kick)
-        near.search.track(len(near.item), near.c_item, self._ahead, h.c)
+        near, state, smooth = self._candidates, self._state, self._candidates.search.smooth
+        if smooth and near.found.corners:
+            smooth.update(near.found.corners, near.exchange.c_xv)
+        state.totals.max_penetration = lib.wr_overlap(self._c_pass, state.c, touching)
+        near.exchange.predict(self._c_pass, force, dt, kick)
+        near.track(near.exchange.c_ahead, state)
 
     def solve(self, force: Array, dt: float, kick: float, fade: float) -> int:
         """Add the forces; return how many nodes touch.
@@ -73,22 +63,27 @@ class Lagrange:
         Raises:
             RuntimeError: if the sweeps do not converge.
         """
-        h, near = self._history, self._near
         touching = lib.wr_lagrange(
-            len(near.item), near.c_item, dt, kick, TOLERANCE, _SWEEPS, fade, *self._c,
-            view("force", force, (-1,), out=True), h.c["total"], self._c_info,
-        )  # fmt: skip
+            self._c_pass,
+            self._candidates.found.c,
+            self._state.c,
+            self._solver,
+            dt,
+            kick,
+            fade,
+            view("force", force, (-1,), out=True),
+        )
         if self.residual > _LOST:
             raise RuntimeError(
-                f"contact pair {near.name}: Lagrange forces have not converged after "
+                f"contact pair {self._candidates.name}: Lagrange forces have not converged after "
                 f"{_SWEEPS} sweeps, last move {self.residual:.1e} of the overlap"
             )
-        return touching
+        return int(touching)
 
     @property
     def sweeps(self) -> int:  # noqa: D102
-        return int(self._info[0])
+        return int(self._solver.sweeps)
 
     @property
     def residual(self) -> float:  # noqa: D102
-        return float(self._info[1])
+        return float(self._solver.residual)

@@ -13,12 +13,10 @@
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from contact.surface import Surface, tributary_area
-from meshes.quads import nodal_areas
-
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
+from meshes.quads import corner_areas
 
 
 def node_foundation(surface: Surface) -> Array:
@@ -30,7 +28,10 @@ def node_foundation(surface: Surface) -> Array:
     facet = surface.foundation
     if facet is None:
         raise ValueError(f"surface {surface.name}: expected bulk moduli for modulus-penalty")
-    total = nodal_areas(surface.reference, surface.facets, facet)
+    share = corner_areas(surface.reference, surface.facets)
+    total = np.bincount(
+        surface.facets.ravel(), (share * facet[:, None]).ravel(), minlength=len(surface.nodes)
+    )
     return np.asarray(total / tributary_area(surface))
 
 

@@ -7,25 +7,22 @@ import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
-from contact.arrays import view
+from contact.arrays import State, Vector, struct, view
+from contact.candidates import Candidates
+from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
 from contact.friction import Coulomb, LawState, coefficients
-from contact.history import History
 from contact.lagrange import Lagrange
-from contact.neighbourhood import Neighbourhood
 from contact.normal_law import node_foundation
 from contact.options import Options
 from contact.patches import beside, parted
-from contact.state import State, Vector
+from contact.search import Found
 from contact.surface import Surface, tributary_area
 from contact.tangent import shape_functions, stiffness_blocks
+from meshes.arrays import Array, Index
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-
 
 STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
@@ -37,8 +34,8 @@ class Pass:
         contactor, target: Its surfaces.
         options: Its options.
         area: Tributary area of all nodes, contactor first, shape ``(n,)`` [m2].
-        near: Candidates.
-        history: Contact of each contactor node.
+        candidates: Nodes that may touch.
+        contact_state: Contact of each contactor node.
         active: Contactor nodes in touch.
     """
 
@@ -63,46 +60,54 @@ class Pass:
         self.contactor, self.target = contactor, target
         self.options, self.dt, self.name = options, options.dt, name
         below = options.sharp_angle if options.smooth else None
-        self.near = Neighbourhood(contactor, target, comm, options.reach, name, below)
+        self.candidates = Candidates(contactor, target, comm, options.reach, name, below)
         self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
         lasting = options.method == "lagrange"
-        self.history = History(len(contactor.nodes), np.inf if lasting else options.tangential)
-        self._bind()
-        self._lagrange = Lagrange(self.near, self.history, self._fixed) if lasting else None
+        self.contact_state = ContactState(
+            len(contactor.nodes), np.inf if lasting else options.tangential
+        )
+        self._c = self._bind()
+        self._c_friction = view("friction", self.contact_state.friction, (-1,))
+        self._lagrange: Lagrange | None = None
+        if lasting:
+            self._lagrange = Lagrange(self.candidates, self.contact_state, self._c)
         self.reset()
 
-    def _bind(self) -> None:
-        """Collect the arguments of the kernel calls that stay the same."""
-        n = len(self.area)
-        self._mass = np.concatenate([self.contactor.mass, self.target.mass])
-        self._dofs = np.concatenate([self.contactor.dofs, self.target.dofs])
-        arrays: dict[str, npt.NDArray[Any]] = {
-            "xv": self.near.exchange.xv, "mass": self._mass, "area": self.area, "dofs": self._dofs,
-            "quad": self.near.search.quad,
-        }  # fmt: skip
-        assert self._mass.shape == self._dofs.shape == (n,)
-        self._fixed = {key: view(key, a, a.shape, a.dtype) for key, a in arrays.items()}
-        self._bed = (ffi.NULL, ffi.NULL)
-        if self.options.method == "modulus-penalty":
-            bed = node_foundation(self.contactor)
-            if self.target.foundation is None:
-                raise ValueError(f"surface {self.target.name}: expected bulk moduli")
-            self._bed = view("bed", bed, (-1,)), view("bed", self.target.foundation, (-1,))
-        c = self.history.c | self._fixed
-        normal = "xv mass area quad facet xi normal gap stiffness damper offset"
-        normal += " pressing drag traction slip touching total"
-        friction = "xv mass dofs quad facet xi gap normal stiffness pressing slip traction"
-        self._c_normal = tuple(c[key] for key in normal.split())
-        self._c_friction = tuple(c[key] for key in friction.split())
+    def _bind(self) -> Any:
+        """Return the pass for the kernel."""
+        o, exchange = self.options, self.candidates.exchange
+        per_mass = o.penalty / o.dt**2
+        if o.method == "lagrange" and not o.smooth:
+            per_mass *= STATIC
+        c = struct(
+            "wr_pass",
+            target=self.candidates.search.c,
+            xv=exchange.xv,
+            mass=np.concatenate([self.contactor.mass, self.target.mass]),
+            area=self.area,
+            dof=np.concatenate([self.contactor.dofs, self.target.dofs]),
+            per_mass=per_mass,
+            per_area=o.penalty,
+            damping=o.damping,
+            tangential=o.tangential,
+            **self._foundations(),
+        )
+        return c
+
+    def _foundations(self) -> dict[str, Array]:
+        """Return the foundation moduli of both sides, nothing where springs follow the mass."""
+        if self.options.method != "modulus-penalty":
+            return {}
+        contactor, target = node_foundation(self.contactor), self.target.foundation
+        if target is None:
+            raise ValueError(f"surface {self.target.name}: expected bulk moduli")
+        return {"foundation_c": contactor, "foundation_t": target}
 
     def reset(self) -> None:
-        """Forget all contact: no node touches, no traction, nothing dissipated."""
-        self.history.clear()
-        self.history.total[:] = 0.0
-        self.history.started[:] = np.nan
-        constant = self.options.law.friction if isinstance(self.options.law, Coulomb) else np.nan
-        self.history.friction[:] = constant
-        self.near.forget()
+        """Forget all contact: no node touches, no force, nothing dissipated."""
+        law = self.options.law
+        self.contact_state.reset(law.friction if isinstance(law, Coulomb) else np.nan)
+        self.candidates.forget()
         self.active = 0
 
     # ---- one step -------------------------------------------------------------------------
@@ -114,77 +119,71 @@ class Pass:
             state: ``u.x.array`` at t and ``v.x.array`` at t - dt/2, flat, block size 3 [m, m/s].
             force: ``array``, flat, block size 3 [N].
             friction: False in statics: normal springs only, a function of ``u`` alone, found
-                by a new search wherever the bodies moved; drops the tangential history.
+                by a new search wherever the bodies moved; drops the tangential forces.
         """
+        h = self.contact_state
+        coefficient = ffi.NULL
         if not friction:
-            m = self._settle(state)
-            coefficient = view("none", np.zeros(len(self.history.gap)), (-1,))
+            self._update_static(state)
         else:
-            self.near.approach(state.u.x.array, state.v.x.array, self.dt, self.history)
+            self.candidates.approach(state.u.x.array, state.v.x.array, self.dt, h)
             if self._lagrange is not None:
                 self._close(self._lagrange, state, force.array)
                 return
-            m = self._press(self.dt, state.t)
+            self._update(self.dt, state.t)
             if not isinstance(self.options.law, Coulomb):
-                self._apply_law(m, state.t)
-            coefficient = self.history.c["friction"]
-        lib.wr_friction(
-            m, self.history.c["touching"], self.options.tangential, coefficient, *self._c_friction,
-            view("force", force.array, (-1,), out=True), self.history.c["total"],
-        )  # fmt: skip
+                self._apply_law(state.t)
+            coefficient = self._c_friction
+        c_force = view("force", force.array, (-1,), out=True)
+        lib.wr_friction(self._c, h.c, self.active, coefficient, c_force)
 
     def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
         """Add the forces that leave no gap at the next step."""
-        near = self.near
         # at the start v is at t, and the stepping takes half a step to get to t - dt/2
         kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
-        if np.isnan(self.history.started[0]):  # offsets are those of the present gaps
-            near.search.track(len(near.item), near.c_item, self._fixed["xv"], self.history.c)
+        if np.isnan(self.contact_state.started):  # offsets are those of the present gaps
+            self.candidates.track(self.candidates.exchange.c_xv, self.contact_state)
         fade = self._offsets(state.t)
         lagrange.predict(force, self.dt, kick, self.active)
         if not isinstance(self.options.law, Coulomb):
-            self._apply_law(self.active, state.t)
+            self._apply_law(state.t)
         self.active = lagrange.solve(force, self.dt, kick, fade)
 
-    def _settle(self, state: State) -> int:
-        """Find the contact of a state at rest; return the number of touching nodes."""
-        self.near.settle(state.u.x.array, self.history)
-        self.history.traction[:] = 0.0
-        self.history.started[:] = np.nan
-        return self._press(0.0, state.t)
+    def _update_static(self, state: State) -> None:
+        """Find the contact of a state at rest."""
+        self.candidates.update_static(state.u.x.array, self.contact_state)
+        self.contact_state.tangential_force[:] = 0.0
+        self.contact_state.started = np.nan
+        self._update(0.0, state.t)
 
-    def _press(self, dt: float, t: float) -> int:
-        """Track the candidates and find their normal forces; return how many touch."""
-        o, near, k = self.options, self.near, len(self.near.item)
-        near.search.track(k, near.c_item, self._fixed["xv"], self.history.c)
-        per_mass = o.penalty / self.dt**2
-        if self._lagrange is not None:
-            per_mass *= 1.0 if self.near.search.smooth else STATIC
+    def _update(self, dt: float, t: float) -> None:
+        """Track the candidates and find their normal forces."""
+        near, h = self.candidates, self.contact_state
+        near.track(near.exchange.c_xv, h)
         fade = self._offsets(t) if dt > 0.0 else 0.0
-        self.active = lib.wr_normal(
-            k, near.c_item, dt, per_mass, o.penalty, o.damping, o.tangential, fade,
-            *self._bed, *self._c_normal,
-        )  # fmt: skip
-        return self.active
+        self.active = lib.wr_normal(self._c, near.found.c, h.c, dt, fade)
 
     def _offsets(self, t: float) -> float:
         """Set the offsets at the first step; return which part of them is left at ``t``."""
         always = self.options.initial_overlap == "offset"
         rest = self._lagrange is not None
-        return self.history.faded(self.near.item, t, self.options.offset_time, always, rest)
+        return self.contact_state.faded(
+            self.candidates.item, t, self.options.offset_time, always, rest
+        )
 
-    def _apply_law(self, m: int, t: float) -> None:
-        h = self.history
-        c = h.touching[:m]
+    def _apply_law(self, t: float) -> None:
+        """Set the coefficient of friction of the touching nodes."""
+        h = self.contact_state
+        c = h.touching[: self.active]
         slip = h.slip.take(c, axis=0)
         rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
-        pressure = h.pressing.take(c) / self.area.take(c)
+        pressure = h.normal_force.take(c) / self.area.take(c)
         state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
         try:
             value = coefficients(self.options.law, rate, pressure, state)
         except ValueError as error:
             raise RuntimeError(f"contact pair {self.name}: {error}") from error
-        h.friction[self.near.item] = np.nan
+        h.friction[self.candidates.item] = np.nan
         h.friction[c] = value
 
     # ---- statics --------------------------------------------------------------------------
@@ -198,10 +197,10 @@ class Pass:
             state: Displacements as in :meth:`add`; velocities are not read.
             reach: Depth up to which overlap is looked for [m]; a cell if None.
         """
-        depth, c = self.near.deepest(state.u.x.array, reach)
+        depth, c = self.candidates.deepest(state.u.x.array, reach)
         if c < 0:
             return 0.0, -1, np.zeros(3)
-        return depth, int(self.contactor.nodes[c]), self.near.exchange.xv[c, :3].copy()
+        return depth, int(self.contactor.nodes[c]), self.candidates.exchange.xv[c, :3].copy()
 
     def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
         """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
@@ -213,13 +212,30 @@ class Pass:
         Returns:
             See :func:`contact.tangent.stiffness_blocks`.
         """
-        h = self.history
-        c = h.touching[: self._settle(state)]
-        nodes = self.near.nodes
-        nodes = np.column_stack([nodes[c], nodes[self.near.search.quad[h.facet[c]]]])
+        self._update_static(state)
+        h = self.contact_state
+        c = h.touching[: self.active]
+        nodes = self.candidates.nodes
+        nodes = np.column_stack([nodes[c], nodes[self.candidates.search.quad[h.facet[c]]]])
         kn = h.stiffness[c]
         kt = self.options.tangential * kn if stick else 0.0
         return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
+
+    def effective_mass(self, found: Found, state: ContactState) -> tuple[Array, Array]:
+        """Return the effective mass [kg] of candidates and the area that both sides bring [m2].
+
+        Args:
+            found: ``k`` candidates.
+            state: Their closest points.
+
+        Returns:
+            Shapes ``(k,)``.
+        """
+        mass, shared = np.empty((2, len(found.item)))
+        c_mass = view("mass", mass, (-1,), out=True)
+        c_shared = view("shared", shared, (-1,), out=True)
+        lib.wr_effective_mass(self._c, found.c, state.c, c_mass, c_shared)
+        return mass, shared
 
     # ---- results --------------------------------------------------------------------------
 
@@ -233,8 +249,8 @@ class Pass:
         Returns:
             Contactor ``(nc, 6)`` and target ``(nt, 6)``.
         """
-        self.near.exchange.whole(u, v)
-        xv, nc = self.near.exchange.xv.copy(), len(self.contactor.nodes)
+        self.candidates.exchange.whole(u, v)
+        xv, nc = self.candidates.exchange.xv.copy(), len(self.contactor.nodes)
         return xv[:nc], xv[nc:]
 
     def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
@@ -244,28 +260,42 @@ class Pass:
             stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
                 fraction of the largest tangential nodal force [-].
         """
-        h = self.history
+        h = self.contact_state
         c = np.sort(h.touching[: self.active].astype(np.int64))
-        c = c[h.pressing[c] > 0.0]
-        return self.footprint_on(c, h.normal[c], h.pressing[c], h.traction[c], stick_tolerance)
+        c = c[h.normal_force[c] > 0.0]
+        return self.footprint_on(
+            c, h.normal[c], h.normal_force[c], h.tangential_force[c], stick_tolerance
+        )
 
     def footprint_on(
-        self, c: Index, normal: Array, pressing: Array, traction: Array, stick_tolerance: float
+        self,
+        c: Index,
+        normal: Array,
+        normal_force: Array,
+        tangential_force: Array,
+        stick_tolerance: float,
     ) -> Footprint:
         """Return the footprint of contactor nodes ``c`` with these normals and forces."""
-        h = self.history
+        h = self.contact_state
         neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
         return footprint_of(
-            self.contactor.nodes[c], self.near.exchange.xv[c, :3], normal, pressing, traction,
-            self.area[c], h.slip[c] / self.dt, h.friction[c],
-            parted(pressing / self.area[c], neighbours), stick_tolerance,
-        )  # fmt: skip
+            self.contactor.nodes[c],
+            self.candidates.exchange.xv[c, :3],
+            normal,
+            normal_force,
+            tangential_force,
+            self.area[c],
+            h.slip[c] / self.dt,
+            h.friction[c],
+            parted(normal_force / self.area[c], neighbours),
+            stick_tolerance,
+        )
 
     def nodal_forces(self) -> tuple[Index, Array, Array]:
         """Return touching nodes ``(m,)``, the forces on them [N] and their normals ``(m, 3)``."""
-        h = self.history
+        h = self.contact_state
         c = h.touching[: self.active].astype(np.int64)
-        return c, h.pressing[c, None] * h.normal[c] + h.traction[c], h.normal[c]
+        return c, h.normal_force[c, None] * h.normal[c] + h.tangential_force[c], h.normal[c]
 
     def facet_forces(self) -> tuple[Index, Array, Array]:
         """Return the reactions of the touching nodes on the target.
@@ -274,7 +304,7 @@ class Pass:
             Target nodes ``(m, 4)``, reactions on them ``(m, 4, 3)`` [N] and the direction away
             from the target's body ``(m, 3)``.
         """
-        h = self.history
+        h = self.contact_state
         c, force, normal = self.nodal_forces()
         reaction = -shape_functions(h.xi[c])[:, :, None] * force[:, None]
         return self.target.facets[h.facet[c]].astype(np.int64), reaction, -normal
@@ -283,12 +313,11 @@ class Pass:
 
     def memory(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the next step depends on, for a checkpoint; the same on all ranks."""
-        own = {"own": np.array([self.active, self.history.started[0]])}
-        return self.history.saved() | self.near.saved() | own
+        active = {"active": np.array([self.active])}
+        return self.contact_state.saved() | self.candidates.saved() | active
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, on any number of ranks."""
-        self.history.load(memory)
-        self.near.load(memory)
-        active, self.history.started[0] = memory["own"]
-        self.active = int(active)
+        self.contact_state.load(memory)
+        self.candidates.load(memory, self.contact_state)
+        self.active = int(memory["active"][0])

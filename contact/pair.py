@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from contact.arrays import State, Vector
 from contact.footprint import Footprint
 from contact.friction import Law, as_law
 from contact.one_pass import Pass
 from contact.options import Options
-from contact.state import State, Vector
 from contact.surface import Surface
+from meshes.arrays import Array, Index
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
 class ContactPair:
@@ -32,10 +30,10 @@ class ContactPair:
        multiplier that leaves no gap (:mod:`contact.normal_law`).
     3. Effective mass :math:`1/m_{eff} = 1/m_c + s \sum N_i / m_i`; s >= 1 contactor nodes share
        one target node.
-    4. Trial traction :math:`t - k_t \Delta s`, :math:`k_t = tangential \cdot k_n`; the slip is
-       the relative velocity less the spin of the facet, so rigid rotation of both gives none.
+    4. Trial tangential force :math:`t - k_t \Delta s`, :math:`k_t = tangential \cdot k_n`; the slip
+       is the relative velocity less the spin of the facet, so rigid rotation of both gives none.
     5. Radial return to :math:`|F_t| \le friction\,F_n` (Wriggers, Computational Contact
-       Mechanics, 2nd ed., sec. 5.2). The traction turns with the facet and is carried across
+       Mechanics, 2nd ed., sec. 5.2). The force turns with the facet and is carried across
        facets.
     6. The reaction is spread over the facet by N_i, with a couple that balances the moment:
        forces and moments of the pair sum to zero.
@@ -137,7 +135,7 @@ class ContactPair:
             raise ValueError("two_pass: expected a penalty method; constraints of both sides clash")
 
     def reset(self) -> None:
-        """Forget all contact: no node touches, no traction, nothing dissipated."""
+        """Forget all contact: no node touches, no force, nothing dissipated."""
         for side in self.passes:
             side.reset()
 
@@ -148,7 +146,7 @@ class ContactPair:
             state: ``u.x.array`` at t and ``v.x.array`` at t - dt/2, flat, block size 3 [m, m/s].
             force: ``array``, flat, block size 3 [N].
             friction: False in statics: normal springs only, a function of ``u`` alone, found
-                by a new search wherever the bodies moved; drops the tangential history.
+                by a new search wherever the bodies moved; drops the tangential forces.
         """
         for side in self.passes:
             side.add(state, force, friction=friction)
@@ -191,58 +189,53 @@ class ContactPair:
     @property
     def friction_dissipation(self) -> float:
         """Work turned into heat by friction since :meth:`reset` [J]."""
-        return float(sum(side.history.total[0] for side in self.passes))
+        return sum(side.contact_state.totals.friction_dissipation for side in self.passes)
 
     @property
     def damping_dissipation(self) -> float:
         """Work turned into heat by normal damping since :meth:`reset` [J]."""
-        return float(sum(side.history.total[1] for side in self.passes))
+        return sum(side.contact_state.totals.damping_dissipation for side in self.passes)
 
     @property
     def normal_energy(self) -> float:
         """Energy of the normal springs at the last step [J]."""
-        return float(sum(side.history.total[2] for side in self.passes))
+        return sum(side.contact_state.totals.normal_energy for side in self.passes)
 
     @property
     def tangential_energy(self) -> float:
         """Energy of the tangential springs at the last step [J]."""
-        return float(sum(side.history.total[3] for side in self.passes))
+        return sum(side.contact_state.totals.tangential_energy for side in self.passes)
 
     @property
     def stored_energy(self) -> float:
         """Energy of the normal and tangential springs at the last step [J]."""
-        return float(sum(side.history.total[2] + side.history.total[3] for side in self.passes))
+        totals = (side.contact_state.totals for side in self.passes)
+        return sum(t.normal_energy + t.tangential_energy for t in totals)
 
     @property
     def max_penetration(self) -> float:
         """Deepest penetration at the last step [m]."""
-        return float(max(side.history.total[4] for side in self.passes))
+        return max(side.contact_state.totals.max_penetration for side in self.passes)
 
     @property
     def normal_force(self) -> float:
         """Sum of the nodal normal forces at the last step [N]."""
-        return float(sum(side.history.total[5] for side in self.passes))
+        return sum(side.contact_state.totals.normal_force for side in self.passes)
 
     @property
     def normal_resultant(self) -> Array:
         """Vector sum of the normal forces on the contactor, shape ``(3,)`` [N]."""
-        return self._on_contactor(slice(6, 9))
+        return _less_reaction([s.contact_state.totals.normal_resultant for s in self.passes])
 
     @property
     def tangential_force(self) -> Array:
         """Vector sum of the tangential forces on the contactor, shape ``(3,)`` [N]."""
-        return self._on_contactor(slice(9, 12))
-
-    def _on_contactor(self, part: slice) -> Array:
-        first, *second = (side.history.total[part].copy() for side in self.passes)
-        for reaction in second:
-            first -= reaction
-        return first
+        return _less_reaction([s.contact_state.totals.tangential_resultant for s in self.passes])
 
     @property
     def initial_offsets(self) -> tuple[int, float]:
         """Nodes whose overlap at the start does not count, and the deepest [m]."""
-        count, depth = zip(*(side.history.offsets for side in self.passes), strict=True)
+        count, depth = zip(*(side.contact_state.offsets for side in self.passes), strict=True)
         return sum(count), max(depth)
 
     def rest(self, state: State, force: Vector) -> None:
@@ -321,3 +314,11 @@ class ContactPair:
             side.restore(
                 {k.removeprefix(prefix): a for k, a in memory.items() if k.startswith(prefix)}
             )
+
+
+def _less_reaction(resultants: list[Any]) -> Array:
+    """Return the resultant of the first pass less that of the second, shape ``(3,)`` [N]."""
+    first, *second = (np.array([*r]) for r in resultants)
+    for reaction in second:
+        first -= reaction
+    return first

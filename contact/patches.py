@@ -10,11 +10,11 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
 
+from meshes.arrays import Array, Index
+
 if TYPE_CHECKING:
     from contact.footprint import Footprint
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 BRIDGE = 1 / 3  # of the lower of two peaks of pressure: weaker nodes do not join them
 FAINT = 1 / 20  # of the higher peak: a lower one that touches it is no patch of its own

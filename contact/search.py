@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which contactor nodes may touch which facets: bucket grid and neighbourhood of the patch."""
+"""Search for contactor nodes near the target: bucket grid, candidates, tracking."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from contact._kernel import ffi, lib
-from contact.arrays import view
-from contact.smooth import Smooth
+from contact.arrays import Index32, struct, view
+from contact.contact_state import ContactState
+from contact.smooth import Corners, Smooth
 from contact.surface import Surface
+from meshes.arrays import Array
 from meshes.quads import area_vectors
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int32]
-
-SHARP = 16
+SHARP = lib.WR_SHARP
 _SHARP_COSINE = np.cos(np.radians(40.0))  # beyond it the projection alone cannot be trusted
 
 
-def node_facets(quad: Index, n: int) -> tuple[Index, Index]:
+def node_facets(quad: Index32, n: int) -> tuple[Index32, Index32]:
     """Return the facets round each of ``n`` nodes as (offsets ``(n + 1,)``, facets)."""
     order = np.argsort(quad.ravel(), kind="stable")
     around = np.zeros(n + 1, dtype=np.int32)
@@ -27,7 +27,9 @@ def node_facets(quad: Index, n: int) -> tuple[Index, Index]:
     return around, (order // 4).astype(np.int32)
 
 
-def facet_kinds(points: Array, quad: Index, around: Index, ring: Index) -> npt.NDArray[np.uint8]:
+def facet_kinds(
+    points: Array, quad: Index32, around: Index32, ring: Index32
+) -> npt.NDArray[np.uint8]:
     """Return the bits of each facet: open border edges (0-3), sharp neighbour (4)."""
     ends = np.sort(np.stack([quad, np.roll(quad, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
@@ -52,17 +54,41 @@ def typical_edge(surface: Surface) -> float:
     return float(np.percentile(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), 5))
 
 
-class Search:
-    """Candidates of a pair; nodes are stacked, contactor first.
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Result of a search.
 
     Attributes:
-        quad: Target facets in the stacked numbering, shape ``(q, 4)``.
-        live: 1 for facets of the neighbourhood, whose nodes are kept up to date, ``(q,)``.
+        item: Contactor nodes that may touch, ascending, shape ``(k,)``.
+        facet: Closest facet of each, shape ``(k,)``.
+        xi: Its local coordinates, shape ``(k, 2)``.
+        live: 1 for facets near them, whose nodes are to be kept up to date, shape ``(q,)``.
         outward: Normals of the contactor near the target, shape ``(nc, 3)``.
+        nodes: Nodes to keep up to date.
+        corners: Normals to keep up to date, of a smooth target.
+        c: What tracking takes, for the kernel.
+    """
+
+    item: Index32
+    facet: Index32
+    xi: Array
+    live: npt.NDArray[np.uint8]
+    outward: Array
+    nodes: Index32
+    corners: Corners | None
+    c: Any
+
+
+class Search:
+    """Candidates of a pass; nodes are stacked, contactor first.
+
+    Attributes:
+        nc, n: Number of contactor nodes and of all nodes.
+        quad: Target facets in the stacked numbering, shape ``(q, 4)``.
         size: Square root of the facet areas, shape ``(q,)`` [m].
         kind, around, ring: Topology of the target, see ``kernel.h``.
         smooth: Its corner normals, None for bilinear facets.
-        flat: What the kernel takes for them there.
+        c: The target for the kernel.
     """
 
     def __init__(
@@ -79,22 +105,22 @@ class Search:
         self.size = np.sqrt(np.linalg.norm(area_vectors(points, self.quad), axis=1))
         p = points[self.quad]
         self._longest = float(np.linalg.norm(p[:, [0, 1]] - p[:, [2, 3]], axis=2).max())
-        self.live = np.zeros(len(self.quad), dtype=np.uint8)
-        self.outward = np.zeros((self.nc, 3))
         self.smooth = None
+        curved: dict[str, npt.NDArray[Any]] = {}
         if smooth_below is not None:
-            self.smooth = Smooth(points, self.quad, smooth_below)
-        self.flat = (ffi.NULL,) * 3
-        self._c_track = (
-            *(view(key, a, a.shape, a.dtype) for key, a in (
-                ("quad", self.quad), ("kind", self.kind), ("size", self.size),
-                ("around", self.around), ("ring", self.ring), ("live", self.live),
-                ("outward", self.outward),
-            )),
-            *(self.smooth.c if self.smooth else self.flat),
-        )  # fmt: skip
+            self.smooth = s = Smooth(points, self.quad, smooth_below)
+            curved = {"across": s.across, "corner": s.corner, "normals": s.normals}
+        self.c = struct(
+            "wr_target",
+            quad=self.quad,
+            kind=self.kind,
+            size=self.size,
+            around=self.around,
+            ring=self.ring,
+            **curved,
+        )
 
-    def _near(self, x: Array, pad: float) -> tuple[Index, Index, Array]:
+    def _near(self, x: Array, pad: float) -> tuple[Index32, Index32, Array]:
         """Return contactor nodes and facets (with boxes) that come within ``pad`` [m]."""
         none = np.empty(0, dtype=np.int32)
         y = x[self.nc :]
@@ -114,92 +140,88 @@ class Search:
         box = np.ascontiguousarray(np.hstack([lows, highs])[meet])
         return item, pick[meet].astype(np.int32), box
 
-    def _grid(self, x: Array, item: Index, box: Array) -> tuple[Array, npt.NDArray[np.int64]]:
-        """Return origin and edge of the grid, and its cells along each axis."""
+    def _grid(self, x: Array, item: Index32, pick: Index32, box: Array) -> Any:
+        """Return a grid over the nodes ``item`` with the boxes of the facets ``pick``."""
         low, high = x[item].min(axis=0), x[item].max(axis=0)
         span = np.maximum(high - low, 1e-12)
         edge = float(np.median((box[:, 3:] - box[:, :3]).max(axis=1)))
         edge = max(min(edge, float(span.max())), 1e-3 * float(span.max()))
         while np.prod(np.ceil(span / edge) + 1) > 8 * (len(item) + len(box)) + 64:
             edge *= 1.3
-        return np.array([*low, edge]), (np.ceil(span / edge) + 1).astype(np.int64)
+        dims = [int(cells) for cells in np.ceil(span / edge) + 1]
+        start = np.zeros(int(np.prod(dims)) + 1, dtype=np.int64)
+        shape = {"origin": low.tolist(), "edge": edge, "dims": dims}
+        grid = struct("wr_grid", box=box, pick=pick, **shape)
+        m = lib.wr_buckets(len(box), grid, view("counts", start[1:], (-1,), np.int64), ffi.NULL)
+        np.cumsum(start, out=start)
+        entry, cursor = np.empty(m, dtype=np.int32), start[:-1].copy()
+        lib.wr_buckets(
+            len(box),
+            grid,
+            view("cursor", cursor, (-1,), np.int64),
+            view("entry", entry, (m,), np.int32),
+        )
+        return struct("wr_grid", box=box, pick=pick, start=start, entry=entry, **shape)
 
-    def _normals(self, x: Array, item: Index) -> None:
-        """Update the outward normals of the contactor nodes ``item``."""
+    def _normals(self, x: Array, item: Index32) -> Array:
+        """Return the outward normals of the contactor, right at the nodes ``item``."""
         near = np.zeros(self.nc, dtype=bool)
         near[item] = True
         quads = self.facets[near[self.facets].any(axis=1)]
         area = np.repeat(area_vectors(x, quads), 4, axis=0)
+        outward = np.empty((self.nc, 3))
         for a in range(3):
-            self.outward[:, a] = np.bincount(quads.ravel(), area[:, a], minlength=self.nc)
-        length = np.linalg.norm(self.outward, axis=1)
-        self.outward /= np.where(length > 0.0, length, 1.0)[:, None]
+            outward[:, a] = np.bincount(quads.ravel(), area[:, a], minlength=self.nc)
+        length = np.linalg.norm(outward, axis=1)
+        outward /= np.where(length > 0.0, length, 1.0)[:, None]
+        return outward
 
-    def candidates(
-        self, xv: Array, above: float, below: float, stiffness: Array, facet: Index, xi: Array
-    ) -> Index:
-        """Return the contactor nodes near the target, ascending, and set facet, xi and live.
+    def candidates(self, xv: Array, above: float, below: float, state: ContactState) -> Found:
+        """Return the contactor nodes near the target.
 
         Args:
             xv: Position and velocity of all nodes, shape ``(n, 6)``.
             above: A node counts up to this distance outside the target [m].
             below: And up to this depth inside it [m]; nodes in contact up to ``above``.
-            stiffness: Positive for nodes in contact, which keep their facet, ``(nc,)`` [N/m].
-            facet: Closest facet, out, shape ``(nc,)``.
-            xi: Its local coordinates, out, shape ``(nc, 2)``.
+            state: Contact of the nodes; those in contact keep their facet. Only read.
         """
         x = xv[:, :3]
-        self.live[:] = 0
         # facets stay usable while nodes move by ``above``
         item, pick, box = self._near(x, 2.0 * max(above, below))
         if not (item.size and pick.size):
-            return np.empty(0, dtype=np.int32)
-        self._normals(x, item)
-        grid, dims = self._grid(x, item, box)
-        c_box, c_grid = view("box", box, (-1, 6)), view("grid", grid, (4,))
-        c_dims = view("dims", dims, (3,), np.int64)
-        start = np.zeros(int(np.prod(dims)) + 1, dtype=np.int64)
-        m = lib.wr_buckets(
-            len(box), c_box, c_grid, c_dims, view("counts", start[1:], (-1,), np.int64), ffi.NULL
-        )
-        np.cumsum(start, out=start)
-        entry = np.empty(m, dtype=np.int32)
-        c_entry = view("entry", entry, (m,), np.int32)
-        cursor = start[:-1].copy()
-        lib.wr_buckets(
-            len(box), c_box, c_grid, c_dims, view("cursor", cursor, (-1,), np.int64), c_entry
-        )
-        hit = np.zeros(len(item), dtype=np.uint8)
-        lib.wr_search(
-            len(item), view("item", item, (-1,), np.int32), view("xv", xv, (self.n, 6)),
-            view("outward", self.outward, (self.nc, 3)),
-            view("quad", self.quad, (-1, 4), np.int32), view("pick", pick, (-1,), np.int32),
-            c_box, c_grid, c_dims, view("start", start, (-1,), np.int64), c_entry, above, below,
-            view("stiffness", stiffness, (self.nc,)),
-            view("facet", facet, (self.nc,), np.int32, out=True),
-            view("xi", xi, (self.nc, 2), out=True), view("hit", hit, (-1,), np.uint8, out=True),
-            view("live", self.live, (-1,), np.uint8, out=True),
-        )  # fmt: skip
-        return item[hit == 1]
+            return self.nothing()
+        live, outward = np.zeros(len(self.quad), dtype=np.uint8), self._normals(x, item)
+        facet, xi = state.facet.copy(), state.xi.copy()
+        arrays = {"item": item, "outward": outward, "live": live, "facet": facet, "xi": xi}
+        near = struct("wr_candidates", k=len(item), **arrays)
+        stiffness = view("stiffness", state.stiffness, (self.nc,))
+        c_xv = view("xv", xv, (self.n, 6))
+        lib.wr_search(self.c, self._grid(x, item, pick, box), c_xv, above, below, stiffness, near)
+        return self.found(item[: near.k].copy(), facet, xi, live, outward)
 
-    def neighbourhood(self, item: Index) -> Index:
-        """Return the nodes to keep up to date: ``item`` and those of the live facets.
+    def nothing(self) -> Found:
+        """Return the result of a search that finds no node."""
+        none, live = np.empty(0, dtype=np.int32), np.zeros(len(self.quad), dtype=np.uint8)
+        return self.found(none, none, np.empty((0, 2)), live, np.zeros((self.nc, 3)))
 
-        A smooth target needs the facets round these as well.
-        """
-        facets = self.smooth.choose(self.live) if self.smooth else self.live == 1
-        return np.concatenate([item, np.unique(self.quad[facets])]).astype(np.int32)
+    def found(
+        self, item: Index32, facet: Index32, xi: Array, live: npt.NDArray[np.uint8], outward: Array
+    ) -> Found:
+        """Return a result; ``facet`` and ``xi`` are those of all contactor nodes."""
+        c = struct("wr_candidates", k=len(item), item=item, outward=outward, live=live)
+        corners = self.smooth.corners(live) if self.smooth else None
+        facets = corners.facets if corners else live == 1
+        nodes = np.concatenate([item, np.unique(self.quad[facets])]).astype(np.int32)
+        return Found(item, facet[item], xi[item], live, outward, nodes, corners, c)
 
-    def track(self, k: int, item: Any, xv: Any, history: dict[str, Any]) -> None:
-        """Follow the closest points of ``k`` candidates; all arguments are views.
+    def track(self, found: Found, xv: Any, state: ContactState) -> None:
+        """Follow the closest points of candidates into ``facet, xi, gap, normal`` of a state.
 
         Args:
-            k: Number of candidates.
-            item: Candidates.
-            xv: Positions of all nodes.
-            history: ``facet, xi, gap, normal``, which are written.
+            found: The candidates.
+            xv: Positions of all nodes, a view.
+            state: Written.
         """
-        if self.smooth:
-            self.smooth.update(xv)
-        out = (history[key] for key in ("facet", "xi", "gap", "normal"))
-        lib.wr_track(k, item, xv, *self._c_track, *out)
+        if self.smooth and found.corners:
+            self.smooth.update(found.corners, xv)
+        lib.wr_track(self.c, found.c, xv, state.c)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Smooth target: which facets share corner normals, and which of them are kept up to date.
+"""Smooth target: facets curved by averaged corner normals.
 
 A facet is curved by the normals at its corners (``kernel/smooth.c``). Facets that meet at less than
 an angle share them, so that gap and normal are continuous from one to the next; at sharper edges
 each side has its own. The normals are averaged anew at every step from the present positions.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from contact._kernel import lib
-from contact.arrays import view
+from contact.arrays import Index32, struct, view
+from meshes.arrays import Array
 from meshes.quads import area_vectors
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int32]
 
-
-def smooth_neighbours(points: Array, quad: Index, angle: float) -> Index:
+def smooth_neighbours(points: Array, quad: Index32, angle: float) -> Index32:
     """Return the facet over each edge that meets it at less than ``angle`` [rad], else -1.
 
     Args:
@@ -46,7 +45,7 @@ def smooth_neighbours(points: Array, quad: Index, angle: float) -> Index:
     return across.reshape(-1, 4)
 
 
-def corner_normals(quad: Index, across: Index) -> Index:
+def corner_normals(quad: Index32, across: Index32) -> Index32:
     """Return the number of the normal at each corner, shape ``(q, 4)``.
 
     Corners at one node have the same one if a way over smooth edges leads from one to the other.
@@ -63,7 +62,7 @@ def corner_normals(quad: Index, across: Index) -> Index:
     return np.asarray(label, dtype=np.int32).reshape(-1, 4)
 
 
-def mirrored(quad: Index, across: Index, corner: Index) -> Index:
+def mirrored(quad: Index32, across: Index32, corner: Index32) -> Index32:
     """Return for each normal at a border or sharp edge its inner neighbours, shape ``(b, 4)``.
 
     Columns: normal, its node, the normal at the inner end of an edge, that end; by normal. The
@@ -73,7 +72,7 @@ def mirrored(quad: Index, across: Index, corner: Index) -> Index:
     is_open = np.zeros(int(corner.max()) + 1, dtype=bool)
     is_open[corner[rim]] = True
     known = ~is_open
-    rows: list[Index] = []
+    rows: list[Index32] = []
     for _ in range(2):  # corners of the border look along it, at normals mirrored before
         found = [np.empty((0, 4), dtype=np.int32)]
         for a in range(4):
@@ -87,35 +86,39 @@ def mirrored(quad: Index, across: Index, corner: Index) -> Index:
     return np.ascontiguousarray(np.vstack(rows), dtype=np.int32)
 
 
+@dataclass(frozen=True)
+class Corners:
+    """Corner normals near the patch.
+
+    Attributes:
+        facets: Facets whose nodes they need, shape ``(m,)``.
+        c: What the kernel takes to average them.
+    """
+
+    facets: Index32
+    c: tuple[Any, ...]
+
+
 class Smooth:
-    """Corner normals of a target, up to date near the patch.
+    """Corner normals of a target.
 
     Attributes:
         across: Smooth neighbour over each edge, -1: none, shape ``(q, 4)``.
         corner: Number of the normal at each corner, shape ``(q, 4)``.
-        normals: The normals, shape ``(m, 3)``.
+        normals: The normals, up to date where :meth:`update` was told to, shape ``(m, 3)``.
     """
 
-    def __init__(self, points: Array, quad: Index, angle: float) -> None:
-        """Prepare facets ``quad`` ``(q, 4)`` over ``points`` ``(n, 3)``; see above."""
+    def __init__(self, points: Array, quad: Index32, angle: float) -> None:
+        """Prepare facets ``quad`` ``(q, 4)`` over points ``(n, 3)`` [m]; ``angle`` in rad."""
         self._quad = quad
         self.across = smooth_neighbours(points, quad, angle)
         self.corner = corner_normals(quad, self.across)
         self._mirror = mirrored(quad, self.across, self.corner)
         self.normals = np.zeros((int(self.corner.max()) + 1, 3))
-        self.c = (
-            view("across", self.across, (-1, 4), np.int32),
-            view("corner", self.corner, (-1, 4), np.int32),
-            view("normals", self.normals, (-1, 3), out=True),
-        )
-        self._c_quad = view("quad", quad, (-1, 4), np.int32)
-        self._c: tuple[Any, ...] = ()
+        self._c = struct("wr_target", quad=quad, corner=self.corner, normals=self.normals)
 
-    def choose(self, live: npt.NDArray[np.uint8]) -> Index:
-        """Keep the normals of live facets up to date; return the facets that this needs.
-
-        Those are the live ones and all round their corners.
-        """
+    def corners(self, live: npt.NDArray[np.uint8]) -> Corners:
+        """Return the corners of live facets, which need all facets round them."""
         near = np.zeros(int(self._quad.max()) + 1, dtype=bool)
         near[self._quad[live == 1]] = True
         fresh = np.flatnonzero(near[self._quad].any(axis=1)).astype(np.int32)
@@ -123,14 +126,10 @@ class Smooth:
         known = np.zeros(len(self.normals), dtype=bool)
         known[used] = True
         mirror = self._mirror[known[self._mirror[:, 0]] & known[self._mirror[:, 2]]]
-        mirror = np.ascontiguousarray(mirror)
-        self._c = (
-            len(fresh), view("fresh", fresh, (-1,), np.int32), self._c_quad, self.c[1],
-            len(used), view("used", used, (-1,), np.int32),
-            len(mirror), view("mirror", mirror, (-1, 4), np.int32),
-        )  # fmt: skip
-        return fresh
+        parts = {"fresh": fresh, "used": used, "mirror": np.ascontiguousarray(mirror)}
+        c = ((len(a), view(key, a, a.shape, np.int32)) for key, a in parts.items())
+        return Corners(fresh, tuple(argument for pair in c for argument in pair))
 
-    def update(self, xv: Any) -> None:
-        """Average the normals at the positions in the view ``xv``."""
-        lib.wr_normals(*self._c, xv, self.c[2])
+    def update(self, corners: Corners, xv: Any) -> None:
+        """Average the normals of corners at the positions in the view ``xv``."""
+        lib.wr_normals(self._c, *corners.c, xv)

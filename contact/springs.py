@@ -1,21 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The springs that a pair would press with, of every node that can touch soon, for audits."""
+"""Contact springs of all nodes that can touch soon, for the audit of the time step."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from contact.arrays import view
-from contact.history import History
+from contact.arrays import State
 from contact.normal_law import node_foundation
 from contact.one_pass import Pass
-from contact.state import State
 from contact.surface import Surface
-from contact.tangent import shape_functions, stiffness_blocks
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from contact.tangent import stiffness_blocks
+from meshes.arrays import Array, Index
 
 
 @dataclass(frozen=True)
@@ -46,37 +41,32 @@ class Springs:
         return stiffness_blocks(self.nodes, self.xi, self.normal, normal, tangential)
 
 
-def springs(pair: Pass, state: State, beds: tuple[Surface, Surface] | None = None) -> Springs:
+def springs(
+    side: Pass, state: State, foundations: tuple[Surface, Surface] | None = None
+) -> Springs:
     """Return the springs of all nodes within a cell of the target; collective.
 
-    The pair and its candidates are left as they are.
+    The pass and its candidates are left as they are.
 
     Args:
-        pair: One pass of a contact.
+        side: One pass of a contact.
         state: Displacements; velocities are not read.
-        beds: Its surfaces with the bulk moduli behind them, if its own do not have them and the
-            foundation is wanted.
+        foundations: Its surfaces with the bulk moduli behind them, if its own do not have them
+            and the foundation is wanted.
     """
-    near, search = pair.near, pair.near.search
+    near = side.candidates
     near.exchange.whole(state.u.x.array, state.u.x.array)
-    live, outward, probe = search.live.copy(), search.outward.copy(), History(search.nc)
-    xv = near.exchange.xv
-    c = search.candidates(xv, near.margin, near.reach, probe.stiffness, probe.facet, probe.xi)
-    search.neighbourhood(c)
-    search.track(len(c), view("item", c, (-1,), np.int32), view("xv", xv, xv.shape), probe.c)
-    search.live[:], search.outward[:] = live, outward
-    search.neighbourhood(near.item)
-    c = c[np.isfinite(probe.gap[c])]
-    quads, N = search.quad[probe.facet[c]], shape_functions(probe.xi[c])
-    mass, area = np.concatenate([pair.contactor.mass, pair.target.mass]), pair.area
-    facing = (N * area[quads]).sum(axis=1)
-    crowd = np.maximum(1.0, facing / area[c])  # as effective_mass of kernel/force.c
-    effective = 1 / (1 / mass[c] + crowd * (N / mass[quads]).sum(axis=1))
-    bed = np.zeros(len(c))
-    if pair.options.method == "modulus-penalty":
-        beds = pair.contactor, pair.target
-    if beds is not None and beds[1].foundation is not None:
-        softer = np.minimum(node_foundation(beds[0])[c], beds[1].foundation[probe.facet[c]])
-        bed = np.minimum(area[c], facing) * softer
-    nodes = np.column_stack([near.nodes[c], near.nodes[quads]])
-    return Springs(nodes, probe.xi[c], probe.normal[c], probe.gap[c], effective, area[c], bed)
+    found, there = near.probe(near.margin, near.reach)
+    mass, shared = side.effective_mass(found, there)
+    here = np.isfinite(there.gap[found.item])
+    c, mass, shared = found.item[here], mass[here], shared[here]
+    foundation = np.zeros(len(c))
+    if side.options.method == "modulus-penalty":
+        foundations = side.contactor, side.target
+    if foundations is not None and foundations[1].foundation is not None:
+        facet = foundations[1].foundation[there.facet[c]]
+        foundation = shared * np.minimum(node_foundation(foundations[0])[c], facet)
+    nodes = np.column_stack([near.nodes[c], near.nodes[near.search.quad[there.facet[c]]]])
+    return Springs(
+        nodes, there.xi[c], there.normal[c], there.gap[c], mass, side.area[c], foundation
+    )

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import FACES
-from meshes.quads import area_vectors, nodal_areas
+from meshes.quads import area_vectors, corner_areas
 from meshes.quality import cell_volumes
 
 if TYPE_CHECKING:
     from meshes.domain import Domain
     from meshes.hexmesh import HexMesh
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,8 @@ class Surface:
 
 def tributary_area(surface: Surface) -> Array:
     """Return the undeformed area that belongs to each node, shape ``(n,)`` [m2]."""
-    return nodal_areas(surface.reference, surface.facets)
+    share = corner_areas(surface.reference, surface.facets)
+    return np.bincount(surface.facets.ravel(), weights=share.ravel(), minlength=len(surface.nodes))
 
 
 def _check(

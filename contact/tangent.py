@@ -2,10 +2,8 @@
 """Contact stiffness of the touching nodes, for static solves."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
 
 
 def shape_functions(xi: Array) -> Array:

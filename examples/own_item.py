@@ -26,7 +26,7 @@ class AirSpring:
 
     def __init__(self, model):
         self.comm, self.dt = model.domain.msh.comm, model.dt
-        dofs = model.body_dofs("bar")
+        dofs = model.bodies.dofs("bar")
         mass = model.mass.array[::3][dofs]
         self.index, self.share = 3 * dofs, mass / self.comm.allreduce(mass.sum())
         self.x = self.w = self.lost = 0.0  # displacement, air that has followed, heat

@@ -14,11 +14,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from forms.cells import one_point
-from forms.elasticity import Elastic, full
-from forms.hourglass import one_point_residual
-from forms.kernel import CellKernel
-from forms.mass import lumped_mass
+from forms import CellKernel, Elastic, Law, full, internal_work, lumped_mass
 from meshes.domain import distribute
 from meshes.shapes.blocks import block
 from meshes.tags import Tag
@@ -30,13 +26,11 @@ LENGTH, SIZE, STRETCH = 0.1, 0.01, 2.0  # [m], [m], [-]
 SOFT = Elastic(E=6 * (C1 + C2), nu=0.49, rho=RHO)  # at small strain, for the hourglass control
 
 
-def mooney(u, w, material, v=None):
-    """Virtual work of Mooney's energy: the five lines to replace."""
-    F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
+def mooney(F, material):
+    """Strain energy density of the deformation gradient: the three lines to replace."""
     C, J = F.T * F, ufl.det(F)
     I1, I2 = ufl.tr(C), (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2
-    energy = C1 * J ** (-2 / 3) * I1 + C2 * J ** (-4 / 3) * I2 + BULK / 2 * (J - 1) ** 2
-    return ufl.inner(ufl.diff(energy, F), ufl.grad(w))
+    return C1 * J ** (-2 / 3) * I1 + C2 * J ** (-4 / 3) * I2 + BULK / 2 * (J - 1) ** 2
 
 
 def true_stress(end: float = 0.1) -> float:
@@ -46,8 +40,8 @@ def true_stress(end: float = 0.1) -> float:
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = lumped_mass(V, dx, {(Tag.BLOCK,): RHO})
-    rubber = one_point_residual(mooney, moduli=SOFT)(state.u, ufl.TestFunction(V), None)
-    kernel = CellKernel(-rubber * one_point(dx))
+    law, w = Law.from_energy(mooney), ufl.TestFunction(V)
+    kernel = CellKernel(-internal_work("one-point", law, state.u, w, SOFT, dx))
     damping = np.pi * np.sqrt(SOFT.E / RHO) / LENGTH  # critical in the first mode
 
     x = V.tabulate_dof_coordinates()

@@ -14,10 +14,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from forms.elasticity import full
-from forms.kernel import CellKernel
-from forms.loads import nodal_traction
-from forms.mass import lumped_mass
+from forms import CellKernel, full, lumped_mass, nodal_traction
 from meshes.domain import distribute
 from meshes.shapes.blocks import block
 from meshes.tags import Tag

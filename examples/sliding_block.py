@@ -24,7 +24,7 @@ if __name__ == "__main__":
 
     def watch(model):
         """Keep what every step is judged by: time, motion of the block, normal force."""
-        dofs = model.body_dofs("block")
+        dofs = model.bodies.dofs("block")
         m = model.mass.array[::3][dofs]
         # v is half a step back
         v = model.state.v.x.array + model.dt / 2 * model.state.a.array

@@ -20,7 +20,7 @@ if __name__ == "__main__":
 
     def watch(model):
         """Keep what every step is judged by."""
-        dofs = model.body_dofs("ram")
+        dofs = model.bodies.dofs("ram")
         mass, v = model.mass.array[::3][dofs], model.state.v.x.array.reshape(-1, 3)[dofs, 2]
         rows.append((model.state.t, model.pairs["touch"].normal_force, mass @ v, mass.sum()))
 

@@ -24,8 +24,9 @@ if __name__ == "__main__":
     def watch(model):
         """Keep what every step is judged by."""
         spring, state = model.connections.links[0], model.state
-        stretch = spring.stretch(state.u.x.array, spring.masses.u)[0]
-        rows.append((state.t, -spring.stiffness[0] * stretch, model.mass.array[::3].sum()))
+        stretch = spring.stretch(state.u.x.array, model.connections.masses.u)
+        pull = -(spring.stiffness * stretch)[0, 0]
+        rows.append((state.t, pull, model.mass.array[::3].sum()))
 
     scene = Scene.load("stick-slip", **{"output.fields": False})
     with tempfile.TemporaryDirectory() as folder:

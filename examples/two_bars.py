@@ -23,7 +23,7 @@ if __name__ == "__main__":
 
     def watch(model):
         """Keep what every step is judged by."""
-        v = model.state.v.x.array.reshape(-1, 3)[model.body_dofs("base"), 2]
+        v = model.state.v.x.array.reshape(-1, 3)[model.bodies.dofs("base"), 2]
         rows.append((model.state.t, model.pairs["face"].normal_force, v.mean()))
 
     scene = Scene.load("two-bars", **{"output.fields": False})

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ufl import grad, sym
+from ufl import Identity, diff, dot, grad, inner, sym, variable
 
 from forms.cells import one_point, uniform
 from forms.dilatation import (
@@ -40,6 +40,29 @@ class Law:
     rotating: bool = True
     shape: Callable[..., Any] | None = None
     shape_energy: Callable[..., Any] | None = None
+
+    @staticmethod
+    def from_energy(psi: Callable[[Any, Any], Any]) -> "Law":
+        """Return the law of a strain energy density, with the stress ``P = ∂ψ/∂F``.
+
+        Stiffness-proportional damping is that of :func:`forms.elasticity.st_venant_kirchhoff`.
+        ``F = I + ∇u`` has a round-off of 1e-16: the stress of a strain of 1e-10 is good to 1e-6.
+
+        Args:
+            psi: ``psi(F, material)``, objective, of the deformation gradient ``F`` in UFL [J/m³].
+        """
+
+        def energy(u: Any, material: Any) -> Any:
+            return psi(Identity(3) + grad(u), material)
+
+        def residual(u: Any, w: Any, material: Any, v: Any = None) -> Any:
+            F = variable(Identity(3) + grad(u))
+            P = diff(psi(F, material), F)
+            if v is not None:
+                P += material.damping * dot(F, material.stress(sym(dot(F.T, grad(v)))))
+            return inner(P, grad(w))
+
+        return Law(residual, energy)
 
 
 def hooke(u: Any, material: Any) -> Any:

@@ -4,6 +4,8 @@
 import logging
 from typing import Any
 
+from mpi4py import MPI  # noqa: F401  (before dolfinx, which is linked with its library)
+
 import dolfinx
 import numpy as np
 import numpy.typing as npt

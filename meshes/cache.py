@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes of wheel on rail kept on disk, found again by a hash of all that they are made from.
+"""Cache of wheel-on-rail meshes on disk, by a hash of all that they are made from.
 
 They lie in ``squealx/meshes`` of the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
 The folder may be removed at any time. A file is written aside and renamed, so that readers never

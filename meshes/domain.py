@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A :class:`HexMesh` distributed over the ranks as a DOLFINx mesh with a vector P1 space."""
+"""Distributed meshes: a :class:`HexMesh` over the ranks as DOLFINx mesh and vector P1 space."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 
+from meshes.arrays import Array, Index
 from meshes.hexmesh import HexMesh
 
 # Node order of a DOLFINx (tensor-product) hexahedron in terms of the VTK order.
@@ -34,14 +37,32 @@ class Domain:
     V: dolfinx.fem.FunctionSpace
     regions: dolfinx.mesh.MeshTags
     source: HexMesh
-    nodes: npt.NDArray[np.int64]
+    nodes: Index
     owned: int
 
-    def local_dofs(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    def local_dofs(self, nodes: Index) -> npt.NDArray[np.int32]:
         """Return the owned dof block of each HexMesh node, -1 where another rank owns it."""
         dof = np.full(len(self.source.points), -1, dtype=np.int32)
         dof[self.nodes[: self.owned]] = np.arange(self.owned, dtype=np.int32)
         return dof[nodes]
+
+    def region_dofs(self, names: Iterable[str]) -> npt.NDArray[np.int32]:
+        """Return the owned dof blocks of the cells in the regions called ``names``."""
+        dofs = self.local_dofs(self.source.nodes(*self.source.tags(names)))
+        return dofs[dofs >= 0]
+
+    def gather(self, local: npt.NDArray[Any]) -> Array:
+        """Return a local vector field by HexMesh node on rank 0, shape ``(n, 3)``; collective.
+
+        Args:
+            local: Values on the dofs of this rank, ghosts behind, shape ``(3 * n_local,)``.
+        """
+        own = local.reshape(-1, 3)[: self.owned]
+        parts = self.msh.comm.gather((self.nodes[: self.owned], own))
+        out = np.zeros((len(self.source.points) if parts else 0, 3))
+        for nodes, values in parts or ():
+            out[nodes] = values
+        return out
 
 
 def distribute(mesh: HexMesh | None, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:

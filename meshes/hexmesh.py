@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A hexahedral mesh as plain arrays: what every mesher makes and DOLFINx is fed with."""
+"""Hexahedral meshes as plain arrays with tagged regions and surfaces."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -7,11 +7,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.tags import NAMES
 
 # Faces of a hexahedron in VTK node order, counter-clockwise seen from outside.
 FACES = np.array(
     [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
+)
+
+# Edges of a hexahedron by direction, in cyclic order round the cell and all pointing the same way.
+FAMILIES = np.array(
+    [
+        [[0, 1], [3, 2], [7, 6], [4, 5]],
+        [[0, 3], [4, 7], [5, 6], [1, 2]],
+        [[0, 4], [1, 5], [2, 6], [3, 7]],
+    ]
 )
 
 
@@ -30,10 +40,10 @@ class HexMesh:
             the mesh was read from a file with groups of its own.
     """
 
-    points: npt.NDArray[np.float64]
-    cells: npt.NDArray[np.int64]
+    points: Array
+    cells: Index
     regions: npt.NDArray[np.int32]
-    facets: npt.NDArray[np.int64]
+    facets: Index
     surfaces: npt.NDArray[np.int32]
     names: Mapping[str, int] = field(default_factory=lambda: NAMES)
 
@@ -57,22 +67,44 @@ class HexMesh:
         """Return what a tag is called, its number if it has no name."""
         return next((name for name, known in self.names.items() if known == tag), str(tag))
 
-    def moved(self, points: npt.NDArray[np.float64]) -> "HexMesh":
+    def counts(self, tags: npt.NDArray[np.int32]) -> dict[str, int]:
+        """Return how often each tag is among ``tags``, ``regions`` or ``surfaces``, by name."""
+        values, numbers = np.unique(tags, return_counts=True)
+        return {self.name(int(t)): int(n) for t, n in zip(values, numbers, strict=True)}
+
+    def moved(self, points: Array) -> "HexMesh":
         """Return the same mesh with its nodes at ``points``, shape ``(n, 3)`` [m]."""
         return replace(self, points=np.ascontiguousarray(points, dtype=np.float64))
 
-    def surface(self, *tags: int) -> npt.NDArray[np.int64]:
+    def nodes(self, *tags: int) -> Index:
+        """Return the nodes of the cells in any of the regions ``tags``, ascending."""
+        return np.unique(self.cells[np.isin(self.regions, tags)])
+
+    def region_at(self, node: int) -> str:
+        """Return the name of the region that a node belongs to; that of the first, at a border."""
+        cell = int(np.flatnonzero((self.cells == node).any(axis=1))[0])
+        return self.name(int(self.regions[cell]))
+
+    def surface(self, *tags: int) -> Index:
         """Return the quads that carry any of ``tags``, shape ``(q, 4)``."""
         return self.facets[np.isin(self.surfaces, tags)]
 
 
-def boundary(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def boundary(cells: Index) -> Index:
     """Return the quads that belong to one cell only, seen from outside, shape ``(q, 4)``."""
     quads = cells[:, FACES].reshape(-1, 4)
     _, first, count = np.unique(
         np.sort(quads, axis=1), axis=0, return_index=True, return_counts=True
     )
     return quads[np.sort(first[count == 1])]
+
+
+def edges_of(cells: Index) -> tuple[Index, Index]:
+    """Return the edges, shape ``(e, 2)``, lower node first, and those of each cell, (c, 3, 4)."""
+    pairs = np.sort(cells[:, FAMILIES].reshape(-1, 2), axis=1)
+    key = pairs[:, 0] * (int(cells.max()) + 1) + pairs[:, 1]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return pairs[first], inverse.reshape(-1, 3, 4)
 
 
 def join(*meshes: HexMesh) -> HexMesh:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from meshes.arrays import Array, Index
+
 Quads = npt.NDArray[np.integer[Any]]
 
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of the reference square
@@ -51,19 +51,23 @@ def area_vectors(points: Array, quads: Quads) -> Array:
     return np.asarray(0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]))
 
 
-def nodal_areas(points: Array, quads: Quads, weights: npt.ArrayLike = 1.0) -> Array:
-    """Return the area that belongs to each node, ``∫ w N dA``, shape ``(n,)``.
+def corner_areas(points: Array, quads: Quads) -> Array:
+    """Return the area that belongs to each corner of each quad, ``∫ N dA``, ``(q, 4)`` [m²]."""
+    first, second, third, fourth = _parts(points, quads)
+    # summed along η first: springs of contact depend on these areas, runs repeat to the last bit
+    return np.asarray(first + fourth + second + third)
 
-    Args:
-        points: Node positions, shape ``(n, 3)`` [m].
-        quads: Nodes of each quad, shape ``(q, 4)``.
-        weights: The factor w of each quad, shape ``(q,)``, or one for all.
-    """
-    total = np.zeros(len(points))
-    for N, vector in gauss_points(points[quads]):
-        area = np.linalg.norm(vector, axis=1) * np.asarray(weights)
-        np.add.at(total, quads, area[:, None] * N)
-    return total
+
+def nodal_areas(points: Array, quads: Quads) -> Array:
+    """Return the area that belongs to each node, ``∫ N dA``, shape ``(n,)`` [m²]."""
+    parts = _parts(points, quads)
+    return np.bincount(np.tile(quads.ravel(), 4), parts.ravel(), minlength=len(points))
+
+
+def _parts(points: Array, quads: Quads) -> Array:
+    """Return what each Gauss point adds to the areas of the corners, shape ``(4, q, 4)`` [m²]."""
+    at = gauss_points(points[quads])
+    return np.stack([np.linalg.norm(vector, axis=1)[:, None] * N for N, vector in at])
 
 
 def area_shares(points: Array, quads: Index) -> tuple[Index, Array]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Names of every region (cells) and surface (facets) of a squealx mesh."""
+"""Tags and names of the regions (cells) and surfaces (facets) of meshes made here."""
 
 from enum import IntEnum
 

@@ -9,6 +9,7 @@ import os
 import pickle
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from dolfinx import jit
 
 from tests.round_off import perturbed
 from workflow import Scene
+from workflow.cli import main
 from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
@@ -42,6 +44,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="SEED",
         help="start every run with its velocities changed in the last digit (tests/round_off.py)",
     )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files with slow tests first: at the end no worker is left alone with a long one."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    size = Counter(item.path for item in items)
+    items.sort(key=lambda item: -slow[item.path] / size[item.path])
 
 
 @pytest.fixture
@@ -91,9 +100,40 @@ def mpirun() -> Callable[..., Done]:
 
 
 @pytest.fixture(scope="session")
+def tests_on(mpirun: Callable[..., Done]) -> Callable[..., Done]:
+    """Run the tests of a file on ranks: ``tests_on(2, __file__, "-k", "ranks_agree")``."""
+
+    def call(ranks: int, *words: object) -> Done:
+        return mpirun(ranks, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *words)
+
+    return call
+
+
+@pytest.fixture(scope="session")
 def squealx(mpirun: Callable[..., Done]) -> Callable[..., Done]:
     """Run the command in a process of its own: ``squealx("run", "bar-wave", "--ranks", 2)``."""
     return functools.partial(mpirun, 1, "-m", "workflow.cli")
+
+
+@pytest.fixture
+def command(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., Done]:
+    """Run the command in this process, which has its imports already; else like ``squealx``."""
+
+    def call(*words: object, check: bool = True) -> Done:
+        monkeypatch.setattr(sys, "argv", ["squealx", *map(str, words)])
+        capfd.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        done = subprocess.CompletedProcess(sys.argv, code, *capfd.readouterr())
+        assert not check or code == 0, done.stdout + done.stderr
+        return done
+
+    return call
 
 
 @pytest.fixture(scope="session")

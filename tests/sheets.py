@@ -54,7 +54,7 @@ def found(surface, points, normal=(0.0, 0.0, -1.0), reach=0.6, edge=1e-3):
     """Gap, candidates of the first corner of each probe."""
     probe = probes(points, len(surface.nodes), normal, edge)
     pair = ContactPair(probe, surface, dt=1e-6, reach=reach)
-    pair.passes[0].near.margin = reach
+    pair.passes[0].candidates.margin = reach
     n = 3 * (len(surface.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))

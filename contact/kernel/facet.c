@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: LGPL-3.0-or-later */
 /* Closest point of one facet. */
-#define SHARP 16 /* bit of kind */
 #define BORDER                                                                                     \
   1.0e-2           /* a node this far (in xi) beyond the open border still counts: border nodes    \
                           of matching meshes must not flicker with the lateral strain */

@@ -1,12 +1,18 @@
 /* SPDX-License-Identifier: LGPL-3.0-or-later */
 /* Forces of penalty springs with friction, and how they act on both bodies. */
+/* Nodes of the facet that contactor node c touches. */
+static inline const int32_t *facet_of(const wr_pass *p, const wr_state *h, size_t c) {
+  return p->target->quad + 4 * (size_t)h->facet[c];
+}
+
 /* Shape functions, point, arm r (closest point to node) and, unless rigid, the facet's inverse
  * inertia (unit masses about the centroid, symmetric: xx yy zz yz xz xy). Returns 0 if rigid. */
-static int lever(const double *xv, const double *mass, const int32_t *quad, const double *p,
-                 const double *xi, double back, double *N, double *r, double R[4][3],
-                 double *inverse) {
+static int lever(const wr_pass *p, const wr_state *h, size_t c, double back, double *N, double *r,
+                 double R[4][3], double *inverse) {
+  const double *xv = p->xv, *x = xv + 6 * c, *xi = h->xi + 2 * c;
+  const int32_t *quad = facet_of(p, h, c);
   double m[3] = {0, 0, 0}, y[3] = {0, 0, 0}, J[6] = {0, 0, 0, 0, 0, 0};
-  double s[3] = {p[0] - back * p[3], p[1] - back * p[4], p[2] - back * p[5]};
+  double s[3] = {x[0] - back * x[3], x[1] - back * x[4], x[2] - back * x[5]};
   shape4(xi, N);
   for (int i = 0; i < 4; i++) {
     const double *w = xv + 6 * (size_t)quad[i];
@@ -18,7 +24,7 @@ static int lever(const double *xv, const double *mass, const int32_t *quad, cons
   }
   for (int a = 0; a < 3; a++)
     r[a] = s[a] - y[a];
-  if (isinf(mass[quad[0]]))
+  if (isinf(p->mass[quad[0]]))
     return 0;
   for (int i = 0; i < 4; i++) {
     for (int a = 0; a < 3; a++)
@@ -52,11 +58,13 @@ static inline void solve(const double *inverse, const double *b, double *x) {
 /* Velocity of the node relative to the facet, free of the facet's spin (conjugate to the force
  * that wr_friction applies); `spin` is the facet's mean angular velocity. Both are taken half a
  * step back, where the velocities live: rigid rotations of any size then give exactly zero. */
-static void relative(const double *xv, const double *mass, const int32_t *quad, const double *p,
-                     const double *xi, double dt, double *w, double *spin) {
+static void relative(const wr_pass *p, const wr_state *h, size_t c, double dt, double *w,
+                     double *spin) {
+  const double *xv = p->xv;
+  const int32_t *quad = facet_of(p, h, c);
   double N[4], r[3], R[4][3], inverse[6], L[3] = {0, 0, 0}, t[3];
-  const int deformable = lever(xv, mass, quad, p, xi, 0.5 * dt, N, r, R, inverse);
-  memcpy(w, p + 3, 3 * sizeof(double));
+  const int deformable = lever(p, h, c, 0.5 * dt, N, r, R, inverse);
+  memcpy(w, xv + 6 * c + 3, 3 * sizeof(double));
   spin[0] = spin[1] = spin[2] = 0.0;
   for (int i = 0; i < 4; i++) {
     const double *v = xv + 6 * (size_t)quad[i] + 3;
@@ -99,68 +107,82 @@ static void carry(const double *spin, double dt, const double *n, double *t) {
 /* 1 / m_eff = 1 / m_c + crowd * sum N_i / m_i: an upper bound of sum N_i^2 / m_i that does not
  * depend on where the node lands; `crowd` contactor nodes share the mass of one target node.
  * `shared` is the area that both sides bring. */
-static double effective_mass(const double *mass, const double *area, const int32_t *quad,
-                             const double *xi, size_t c, double *shared) {
+static double effective_mass(const wr_pass *p, const wr_state *h, size_t c, double *shared) {
+  const int32_t *quad = facet_of(p, h, c);
   double N[4], inverse = 0.0, tributary = 0.0;
-  shape4(xi, N);
+  shape4(h->xi + 2 * c, N);
   for (int i = 0; i < 4; i++) {
-    inverse += N[i] / mass[quad[i]];
-    tributary += N[i] * area[quad[i]];
+    inverse += N[i] / p->mass[quad[i]];
+    tributary += N[i] * p->area[quad[i]];
   }
-  *shared = fmin(area[c], tributary);
-  return 1.0 / (1.0 / mass[c] + inverse * fmax(1.0, tributary / area[c]));
+  *shared = fmin(p->area[c], tributary);
+  return 1.0 / (1.0 / p->mass[c] + inverse * fmax(1.0, tributary / p->area[c]));
 }
 
-int64_t wr_normal(int64_t k, const int32_t *item, double dt, double per_mass, double per_area,
-                  double fraction, double ratio, double fade, const double *bed_c,
-                  const double *bed_t, const double *xv, const double *mass, const double *area,
-                  const int32_t *quad, const int32_t *facet, const double *xi, const double *normal,
-                  double *gap, double *stiffness, double *damper, double *offset, double *pressing,
-                  double *drag, double *traction, double *slip, int32_t *touching, double *total) {
+void wr_effective_mass(const wr_pass *pass, const wr_candidates *near, const wr_state *state,
+                       double *mass, double *shared) {
+  for (int64_t i = 0; i < near->k; i++)
+    mass[i] = effective_mass(pass, state, (size_t)near->item[i], shared + i);
+}
+
+/* Sets the totals of the step to zero and leaves the accumulated ones. */
+static void begin_step(wr_totals *t) {
+  *t = (wr_totals){.friction_dissipation = t->friction_dissipation,
+                   .damping_dissipation = t->damping_dissipation};
+}
+
+/* Stiffness and damper of a contact that begins. */
+static void give_birth(const wr_pass *p, wr_state *h, size_t c) {
+  double shared;
+  const double m = effective_mass(p, h, c, &shared);
+  h->stiffness[c] = p->foundation_c ? p->per_area * shared *
+                                          fmin(p->foundation_c[c], p->foundation_t[h->facet[c]])
+                                    : p->per_mass * m;
+  h->damper[c] = 2.0 * p->damping * sqrt(h->stiffness[c] * m);
+}
+
+int64_t wr_normal(const wr_pass *pass, const wr_candidates *near, wr_state *h, double dt,
+                  double fade) {
+  wr_totals *total = h->totals;
   int64_t count = 0;
-  for (int a = 2; a < 12; a++)
-    total[a] = 0.0;
-  for (int64_t i = 0; i < k; i++) {
-    const size_t c = (size_t)item[i];
-    double *t = traction + 3 * c, *s = slip + 3 * c, w[3], spin[3];
-    if (gap[c] >= 0.0)
-      offset[c] = 0.0;
-    total[4] = fmax(total[4], -gap[c]);
-    gap[c] += fade * offset[c];
-    if (gap[c] >= 0.0) { /* NaN stays in contact, so that the guards see it */
-      if (stiffness[c] > 0.0)
-        total[0] += 0.5 * dot3(t, t) / (ratio * stiffness[c]);
-      stiffness[c] = pressing[c] = drag[c] = 0.0;
+  begin_step(total);
+  for (int64_t i = 0; i < near->k; i++) {
+    const size_t c = (size_t)near->item[i];
+    double *t = h->tangential_force + 3 * c, *s = h->slip + 3 * c, w[3], spin[3];
+    if (h->gap[c] >= 0.0)
+      h->offset[c] = 0.0;
+    total->max_penetration = fmax(total->max_penetration, -h->gap[c]);
+    const double gap = h->gap[c] += fade * h->offset[c];
+    if (gap >= 0.0) { /* NaN stays in contact, so that the guards see it */
+      if (h->stiffness[c] > 0.0)
+        total->friction_dissipation += 0.5 * dot3(t, t) / (pass->tangential * h->stiffness[c]);
+      h->stiffness[c] = h->normal_force[c] = h->damping_force[c] = 0.0;
       t[0] = t[1] = t[2] = s[0] = s[1] = s[2] = 0.0;
       continue;
     }
-    const double *n = normal + 3 * c, *p = xv + 6 * c;
-    const int32_t *nodes = quad + 4 * (size_t)facet[c];
-    touching[count++] = (int32_t)c;
-    relative(xv, mass, nodes, p, xi + 2 * c, dt, w, spin);
+    const double *n = h->normal + 3 * c;
+    h->touching[count++] = (int32_t)c;
+    relative(pass, h, c, dt, w, spin);
     const double closing = -dot3(w, n);
-    const int born = stiffness[c] == 0.0;
-    if (born) {
-      double shared;
-      const double m = effective_mass(mass, area, nodes, xi + 2 * c, c, &shared);
-      stiffness[c] = bed_c ? per_area * shared * fmin(bed_c[c], bed_t[facet[c]]) : per_mass * m;
-      damper[c] = 2.0 * fraction * sqrt(stiffness[c] * m);
-    }
+    const int born = h->stiffness[c] == 0.0;
+    if (born)
+      give_birth(pass, h, c);
     carry(spin, dt, n, t);
     for (int a = 0; a < 3; a++)
       s[a] = born ? 0.0 : dt * (w[a] + closing * n[a]);
     /* penalty spring and dashpot, never tension; no dashpot in statics */
-    const double spring = -stiffness[c] * gap[c], push = dt > 0.0 ? damper[c] * closing : 0.0;
-    const double old = drag[c];
-    pressing[c] = push < -spring ? 0.0 : spring + push;
-    drag[c] = pressing[c] - spring;
-    total[1] += 0.5 * (old + drag[c]) * closing * dt; /* trapezoidal, as the leapfrog's work */
+    const double spring = -h->stiffness[c] * gap, push = dt > 0.0 ? h->damper[c] * closing : 0.0;
+    const double old = h->damping_force[c], force = push < -spring ? 0.0 : spring + push;
+    h->normal_force[c] = force;
+    h->damping_force[c] = force - spring;
+    /* trapezoidal, as the leapfrog's work */
+    total->damping_dissipation += 0.5 * (old + h->damping_force[c]) * closing * dt;
   }
   return count;
 }
 
-/* Radial return of the trial traction; returns 1 for stick. */
-static int return_map(double kt, double limit, const double *s, double *t, double *total) {
+/* Radial return of the trial force; returns 1 for stick. */
+static int return_map(double kt, double limit, const double *s, double *t, wr_totals *total) {
   double trial[3], old[3] = {t[0], t[1], t[2]};
   for (int a = 0; a < 3; a++)
     trial[a] = t[a] - kt * s[a];
@@ -170,27 +192,29 @@ static int return_map(double kt, double limit, const double *s, double *t, doubl
   for (int a = 0; a < 3; a++) {
     t[a] = scale * trial[a];
     /* trapezoidal work of the plastic slip (trial - t) / kt: closes the leapfrog's balance */
-    total[0] += 0.5 * (old[a] + t[a]) * (trial[a] - t[a]) / kt;
+    total->friction_dissipation += 0.5 * (old[a] + t[a]) * (trial[a] - t[a]) / kt;
   }
-  total[3] += 0.5 * dot3(t, t) / kt;
+  total->tangential_energy += 0.5 * dot3(t, t) / kt;
   return stick;
 }
 
 /* Adds the force of one contact to both bodies on owned dofs, and to the resultants. */
-static void act(size_t c, const double *xv, const double *mass, const int32_t *dof,
-                const int32_t *nodes, const double *xi, const double *n, double pressing,
-                const double *t, double *f, double *total) {
+static void act(const wr_pass *p, const wr_state *h, size_t c, double *f) {
+  const double *n = h->normal + 3 * c, *t = h->tangential_force + 3 * c;
+  const double normal_force = h->normal_force[c];
+  const int32_t *dof = p->dof, *nodes = facet_of(p, h, c);
+  wr_totals *total = h->totals;
   double N[4], r[3], R[4][3], inverse[6], F[3], M[3], A[3], extra[3] = {0, 0, 0};
   for (int a = 0; a < 3; a++) {
-    F[a] = pressing * n[a] + t[a];
-    total[6 + a] += pressing * n[a];
-    total[9 + a] += t[a];
+    F[a] = normal_force * n[a] + t[a];
+    total->normal_resultant[a] += normal_force * n[a];
+    total->tangential_resultant[a] += t[a];
   }
-  total[5] += pressing;
+  total->normal_force += normal_force;
   if (dof[c] >= 0)
     for (int a = 0; a < 3; a++)
       f[3 * (size_t)dof[c] + a] += F[a];
-  if (!lever(xv, mass, nodes, xv + 6 * c, xi, 0.0, N, r, R, inverse))
+  if (!lever(p, h, c, 0.0, N, r, R, inverse))
     return;
   /* the reaction acts at the closest point, the force at the node: a self-equilibrated couple
    * on the facet, forces A x R_i with J A = M, balances the moment M of the pair */
@@ -205,19 +229,16 @@ static void act(size_t c, const double *xv, const double *mass, const int32_t *d
   }
 }
 
-int64_t wr_friction(int64_t k, const int32_t *touching, double ratio, const double *friction,
-                    const double *xv, const double *mass, const int32_t *dof, const int32_t *quad,
-                    const int32_t *facet, const double *xi, const double *gap, const double *normal,
-                    const double *stiffness, const double *pressing, const double *slip,
-                    double *traction, double *f, double *total) {
+int64_t wr_friction(const wr_pass *pass, wr_state *h, int64_t k, const double *friction,
+                    double *f) {
   int64_t sticking = 0;
   for (int64_t i = 0; i < k; i++) {
-    const size_t c = (size_t)touching[i];
-    sticking += return_map(ratio * stiffness[c], friction[c] * pressing[c], slip + 3 * c,
-                           traction + 3 * c, total);
-    total[2] += 0.5 * stiffness[c] * gap[c] * gap[c];
-    act(c, xv, mass, dof, quad + 4 * (size_t)facet[c], xi + 2 * c, normal + 3 * c, pressing[c],
-        traction + 3 * c, f, total);
+    const size_t c = (size_t)h->touching[i];
+    const double limit = friction ? friction[c] * h->normal_force[c] : 0.0;
+    sticking += return_map(pass->tangential * h->stiffness[c], limit, h->slip + 3 * c,
+                           h->tangential_force + 3 * c, h->totals);
+    h->totals->normal_energy += 0.5 * h->stiffness[c] * h->gap[c] * h->gap[c];
+    act(pass, h, c, f);
   }
   return sticking;
 }

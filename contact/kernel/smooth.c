@@ -7,9 +7,9 @@ typedef struct {
   double x[4][3], n[4][3];
 } patch_t;
 
-static void patch_of(const target_t *t, int32_t f, patch_t *s) {
+static void patch_of(const wr_target *t, const double *xv, int32_t f, patch_t *s) {
   for (int i = 0; i < 4; i++) {
-    memcpy(s->x[i], t->xv + 6 * (size_t)t->quad[4 * (size_t)f + i], sizeof s->x[i]);
+    memcpy(s->x[i], xv + 6 * (size_t)t->quad[4 * (size_t)f + i], sizeof s->x[i]);
     memcpy(s->n[i], t->normals + 3 * (size_t)t->corner[4 * (size_t)f + i], sizeof s->n[i]);
   }
 }
@@ -95,19 +95,20 @@ static int crossed(const double *xi, double *by) {
 
 /* Walks over smooth edges to the curved facet that the node stands over. Returns 0 when it comes
  * to a sharp edge or finds none: then the bilinear facets decide. */
-static int track_curved(const target_t *t, size_t c, int32_t *facet, double *xi, double *gap,
+static int track_curved(const track_t *k, size_t c, int32_t *facet, double *xi, double *gap,
                         double *n) {
-  const double *p = t->xv + 6 * c;
+  const wr_target *t = k->target;
+  const double *p = k->xv + 6 * c;
   double z[2] = {xi[0], xi[1]}, g, m[3], by;
   int32_t f = *facet, came = -1;
   patch_t s;
   for (int hop = 0; hop < MAX_HOPS; hop++) {
-    patch_of(t, f, &s);
-    if (!curved_foot(&s, p, z, &g, m) || !(dot3(m, t->outward + 3 * c) < 0.0))
+    patch_of(t, k->xv, f, &s);
+    if (!curved_foot(&s, p, z, &g, m) || !(dot3(m, k->outward + 3 * c) < 0.0))
       return 0;
     const int edge = crossed(z, &by);
     const int32_t next = edge < 0 ? -1 : t->across[4 * (size_t)f + edge];
-    if (edge >= 0 && (next < 0 ? !(t->kind[f] >> edge & 1) : next != came && !t->live[next]))
+    if (edge >= 0 && (next < 0 ? !(t->kind[f] >> edge & 1) : next != came && !k->live[next]))
       return 0;
     if (edge < 0 || next < 0 || next == came) { /* came back: on the edge, within round-off */
       *gap = next < 0 && edge >= 0 && by > 2.0 * BORDER ? INFINITY : g;
@@ -124,18 +125,16 @@ static int track_curved(const target_t *t, size_t c, int32_t *facet, double *xi,
   return 0;
 }
 
-int64_t wr_track(int64_t k, const int32_t *item, const double *xv, const int32_t *quad,
-                 const uint8_t *kind, const double *size, const int32_t *around,
-                 const int32_t *ring, const uint8_t *live, const double *outward,
-                 const int32_t *across, const int32_t *corner, const double *normals,
-                 int32_t *facet, double *xi, double *gap, double *normal) {
-  const target_t t = {xv, size, outward, normals, quad, around, ring, across, corner, kind, live};
+int64_t wr_track(const wr_target *target, const wr_candidates *near, const double *xv,
+                 wr_state *state) {
+  const track_t t = {target, xv, near->outward, near->live};
+  const int32_t *across = target->across;
   int64_t inside_count = 0;
-  for (int64_t i = 0; i < k; i++) {
-    const size_t c = (size_t)item[i];
-    int32_t *f = facet + c;
-    double *z = xi + 2 * c, *g = gap + c, *n = normal + 3 * c;
-    if (!across || (kind[*f] & SHARP) || !track_curved(&t, c, f, z, g, n)) {
+  for (int64_t i = 0; i < near->k; i++) {
+    const size_t c = (size_t)near->item[i];
+    int32_t *f = state->facet + c;
+    double *z = state->xi + 2 * c, *g = state->gap + c, *n = state->normal + 3 * c;
+    if (!across || (target->kind[*f] & WR_SHARP) || !track_curved(&t, c, f, z, g, n)) {
       const int found = track_faceted(&t, c, f, z, g, n);
       if (across && found)
         track_curved(&t, c, f, z, g, n);
@@ -165,9 +164,10 @@ static inline void unit(double *n) {
     n[j] *= s;
 }
 
-void wr_normals(int64_t m, const int32_t *fresh, const int32_t *quad, const int32_t *corner,
-                int64_t k, const int32_t *used, int64_t b, const int32_t *mirror, const double *xv,
-                double *normals) {
+void wr_normals(const wr_target *target, int64_t m, const int32_t *fresh, int64_t k,
+                const int32_t *used, int64_t b, const int32_t *mirror, const double *xv) {
+  const int32_t *quad = target->quad, *corner = target->corner;
+  double *normals = target->normals;
   for (int64_t i = 0; i < k; i++)
     memset(normals + 3 * (size_t)used[i], 0, 3 * sizeof(double));
   for (int64_t i = 0; i < m; i++) {

@@ -7,11 +7,10 @@ Sources: K. L. Johnson, Contact Mechanics (1985), equations named in the functio
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -214,3 +213,41 @@ def stick_slip_period(speed: float, stiffness: float, mass: float, drop: float) 
     omega = np.sqrt(stiffness / mass)
     slip = 2 * (np.pi - np.arctan(drop * omega / (stiffness * speed))) / omega
     return float(2 * drop / (stiffness * speed) + slip)
+
+
+def slip_weakening_work(slip: float, static: float, kinetic: float, length: float) -> float:
+    """Return the work of friction over a slip for a unit of normal force [m].
+
+    The coefficient falls as ``kinetic + (static − kinetic) exp(−slip / length)``.
+
+    Args:
+        slip: Slip since rest [m].
+        static: Coefficient of friction at rest [-].
+        kinetic: Coefficient after much slip [-].
+        length: Slip over which it falls [m].
+    """
+    _positive(length=length)
+    return float(kinetic * slip - (static - kinetic) * length * np.expm1(-slip / length))
+
+
+def sinking(hertz: Hertz, depth: float, E: float, nu: float) -> float:
+    """Return how far a point below the middle of point contact sinks in its half-space [m].
+
+    Boussinesq's point force (Johnson 3.19) summed over the ellipse by Gauss points; half of the
+    approach at no depth where both bodies are alike.
+
+    Args:
+        hertz: The contact.
+        depth: Depth of the point [m].
+        E: Young's modulus of the body [Pa].
+        nu: Its Poisson's ratio [-].
+    """
+    _positive(depth=depth, E=E)
+    node, weight = np.polynomial.legendre.leggauss(40)
+    s = np.pi / 4 * (node + 1)  # x = a sin s cos w, so that the pressure is smooth up to the edge
+    w = np.pi / 4 * (node + 1)
+    r = np.sin(s)[:, None] * np.hypot(hertz.a * np.cos(w), hertz.b * np.sin(w))
+    R = np.hypot(r, depth)
+    force = hertz.p0 * hertz.a * hertz.b * np.cos(s) ** 2 * np.sin(s)
+    ring = (depth**2 / R**3 + 2 * (1 - nu) / R) * force[:, None]
+    return float((1 + nu) / (2 * np.pi * E) * 4 * (np.pi / 4) ** 2 * (weight @ ring @ weight))

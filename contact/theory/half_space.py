@@ -14,10 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 TOLERANCE = 1e-6  # change of pressure in an iteration over the load
 ITERATIONS = 500

@@ -13,7 +13,7 @@ import numpy as np
 from contact.footprint import frame_of
 from contact.theory.closed_forms import Hertz, hertz_ellipse
 from contact.theory.half_space import HalfSpace, half_space_contact
-from meshes.profiles.profiles import Array
+from meshes.arrays import Array
 from meshes.profiles.surfaces import Surface
 
 SEEK = (0.020, 0.001)  # half widths of grids on which the first touch is sought, one in the other

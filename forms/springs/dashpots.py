@@ -1,75 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Viscous dashpots on a surface that let waves out: Lysmer and Kuhlemeyer's boundary."""
+"""Absorbing surfaces: viscous dashpots after Lysmer and Kuhlemeyer."""
 
-from dataclasses import dataclass, field
 from typing import Literal
 
+from mpi4py import MPI
+
 import numpy as np
-import numpy.typing as npt
 
 from forms.elasticity import Elastic
 from forms.loads import nodal_traction
-from forms.springs.point_masses import damper_work
-
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Dofs = npt.NDArray[np.int32]
+from forms.springs.springs import Springs, spread
+from meshes.arrays import Array, Dofs, Index
 
 
-@dataclass
-class Dashpots:
-    """Dampers from nodes to the ground with a matrix each; at rest they carry nothing.
+def dashpots(comm: MPI.Comm, dofs: Dofs, matrix: Array) -> Springs:
+    """Return dampers from nodes to the ground with a symmetric matrix each, without springs.
 
-    Attributes:
-        dofs: Owned dof block of each node on this rank, shape ``(n,)``.
-        matrix: Damping of each, symmetric, shape ``(n, 3, 3)`` [N s/m].
-        dissipation: Energy taken on this rank [J].
+    Args:
+        comm: Ranks.
+        dofs: Owned dof block of each node, -1 where another rank owns it, shape ``(n,)``.
+        matrix: Shape ``(n, 3, 3)`` [N s/m].
     """
-
-    dofs: Dofs
-    matrix: Array
-    dissipation: float = 0.0
-    _before: Array | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        self._index = 3 * self.dofs.astype(np.int64)[:, None] + np.arange(3)
-        self.stiffness = np.zeros((len(self.dofs), 3))
-
-    @property
-    def damping(self) -> Array:
-        """Sums of the sizes in each row: dampers along the axes that are at least as strong.
-
-        The rest of a row is what a diagonally dominant matrix has to have (Gershgorin).
-        """
-        return np.asarray(np.abs(self.matrix).sum(axis=2))
-
-    def add(self, u: Array, v: Array, force: Array, reaction: Array, dt: float) -> None:
-        """Add to the nodal ``force``."""
-        rate = v.take(self._index)
-        damping = np.einsum("nij,nj->ni", self.matrix, rate)
-        np.subtract.at(force, self._index.ravel(), damping.ravel())
-        if self._before is not None:
-            self.dissipation += damper_work(self._before, damping, rate, dt)
-        self._before = damping
-
-    def pull(self, u: Array, out: Array) -> None:
-        """No point mass is pulled."""
-
-    def add_stiffness(self, out: Array) -> None:
-        """No point mass is held."""
-
-    def triplets(self, number: Ints) -> tuple[Ints, Ints, Array]:
-        """Return the stiffness, which is none."""
-        none = np.zeros(0, dtype=np.int64)
-        return none, none, np.zeros(0)
-
-    def stored_energy(self, u: Array) -> float:
-        """Return the energy stored, which is none [J]."""
-        return 0.0
+    return spread(comm, dofs, np.zeros((len(dofs), 3)), matrix)
 
 
 def absorbing(
-    points: Array, quads: Ints, material: Elastic, waves: Literal["plane", "bar"] = "plane"
+    points: Array, quads: Index, material: Elastic, waves: Literal["plane", "bar"] = "plane"
 ) -> Array:
     """Return the damping matrices of all nodes that let waves out of a surface, ``(n, 3, 3)``.
 

@@ -4,9 +4,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array
 
 
 @dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The stable step of bodies on springs and dampers, to the ground, each other or point masses.
+"""Stable step of bodies on springs and dampers, to the ground, each other or point masses.
 
 For bodies with ``ω_max ≤ frequency``, and connections as in :mod:`forms.springs.connections`:
 
@@ -16,14 +16,10 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
-from forms.springs.connections import Link, Mean
-from forms.springs.dashpots import Dashpots
-from forms.springs.node_to_facet import Between
 from forms.springs.point_masses import PointMasses
-
-Array = npt.NDArray[np.float64]
+from forms.springs.springs import Springs
+from meshes.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -47,9 +43,12 @@ NONE = Attached(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
 
 
 def attached(
-    comm: MPI.Comm, masses: PointMasses, links: Iterable[Link], mass: Array
+    comm: MPI.Comm, masses: PointMasses, links: Iterable[Springs], mass: Array
 ) -> tuple[Attached, Attached]:
     """Return springs and dampers of connections; collective.
+
+    A damping matrix is bounded by dampers along the axes, the sums of the sizes in each row: the
+    rest of a row is what a diagonally dominant matrix has to have (Gershgorin).
 
     Args:
         comm: Ranks that share the bodies.
@@ -59,37 +58,30 @@ def attached(
     """
     links = list(links)
     springs = [(link, link.stiffness) for link in links]
-    dampers = [(link, link.damping) for link in links]
+    dampers = [(link, _along_axes(link.damping)) for link in links]
     return (
         _attached(comm, masses, springs, masses.base_stiffness, mass),
         _attached(comm, masses, dampers, masses.base_damping, mass),
     )
 
 
+def _along_axes(damping: Array) -> Array:
+    """Return dampers ``(n, 3)`` as they are, damping matrices ``(n, 3, 3)`` as dampers."""
+    return damping if damping.ndim == 2 else np.asarray(np.abs(damping).sum(axis=2))
+
+
 def _attached(
     comm: MPI.Comm,
     masses: PointMasses,
-    links: list[tuple[Link, Array]],
+    links: list[tuple[Springs, Array]],
     ground: Array,
     mass: Array,
 ) -> Attached:
-    """Sum the links' coefficients on both sides.
-
-    A link to the mean of nodes has the matrix ``k w wᵀ``, which is at most ``k diag(w)`` because
-    the weights sum to one (Cauchy–Schwarz): each node has its share, as where they are spread.
-    """
+    """Sum the links' coefficients on both sides."""
     nodal, tied = np.zeros_like(mass), np.zeros_like(masses.u)
     for link, coefficient in links:
-        if isinstance(link, Between):
-            dofs, share = link.majorant(coefficient, mass)
-            np.add.at(nodal.reshape(-1, 3), dofs, share)
-            continue
-        share = np.outer(link.weight, coefficient) if isinstance(link, Mean) else coefficient
-        np.add.at(nodal.reshape(-1, 3), link.dofs, share)
-        if isinstance(link, Dashpots):  # to the ground
-            continue
-        point = np.broadcast_to(link.point, len(share))
-        np.add.at(tied, point[point >= 0], share[point >= 0])
+        nodal.reshape(-1, 3)[link.dofs] += link.majorant(coefficient, mass)
+        link.add_at_points(coefficient, tied)
     if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, tied)
     rate = comm.allreduce(float((nodal / mass).max(initial=0.0)), op=MPI.MAX)

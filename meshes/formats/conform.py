@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Making a foreign mesh fit: cells the right way round, facets found on them, stray nodes out."""
+"""Repair of read meshes: orientation of cells and facets, unused and coincident nodes."""
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.hexmesh import FACES
 from meshes.quality import scaled_jacobians
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 TURNED = [4, 5, 6, 7, 0, 1, 2, 3]  # a hexahedron seen from the other side: top and bottom change
 NEAR = 1e-6  # of the shortest edge: nodes closer than this coincide
 
 
-def turned(points: Array, cells: Indices) -> tuple[Indices, int]:
+def turned(points: Array, cells: Index) -> tuple[Index, int]:
     """Return the cells with their nodes in VTK order, and how many had to be turned.
 
     Args:
@@ -48,7 +46,7 @@ def turned(points: Array, cells: Indices) -> tuple[Indices, int]:
     return cells, len(wrong)
 
 
-def compact(points: Array, cells: Indices, quads: Indices) -> tuple[Array, Indices, Indices, int]:
+def compact(points: Array, cells: Index, quads: Index) -> tuple[Array, Index, Index, int]:
     """Return points, cells and quads without nodes that no cell has, and how many were dropped.
 
     Args:
@@ -62,7 +60,7 @@ def compact(points: Array, cells: Indices, quads: Indices) -> tuple[Array, Indic
     return points[used], number[cells], number[quads], int((~used).sum())
 
 
-def faces_on(cells: Indices, nodes: Indices) -> Indices:
+def faces_on(cells: Index, nodes: Index) -> Index:
     """Return the faces of cells all of whose nodes are among ``nodes``, shape ``(f, 4)``.
 
     A face between two cells comes twice, once from each side.
@@ -74,7 +72,7 @@ def faces_on(cells: Indices, nodes: Indices) -> Indices:
     return faces[on[faces].all(axis=1)]
 
 
-def matched(cells: Indices, quads: Indices) -> tuple[Indices, npt.NDArray[np.int64], int]:
+def matched(cells: Index, quads: Index) -> tuple[Index, Index, int]:
     """Return the quads as facets seen from outside, how many cells have each, how many were turned.
 
     A quad that already runs counter-clockwise keeps its first node, so that reading what was
@@ -103,7 +101,7 @@ def matched(cells: Indices, quads: Indices) -> tuple[Indices, npt.NDArray[np.int
 
 
 def coincident(
-    points: Array, cells: Indices, regions: npt.NDArray[np.int32]
+    points: Array, cells: Index, regions: npt.NDArray[np.int32]
 ) -> tuple[int, int, Array]:
     """Return how many pairs of nodes coincide, how many of them in one region, and the first.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mesh file of another program holds: points, hexahedra, quads, groups; read by meshio.
+"""Contents of mesh files: points, hexahedra, quads and groups, read by meshio.
 
 A group of hexahedra is a region. A group of quads is a surface, and so is a set of nodes: it means
 the outer facets all of whose nodes it holds. Integer data on cells, as formats without groups have
@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Members = dict[str, npt.NDArray[np.bool_]]  # which cells, quads or nodes belong to each group
+from meshes.arrays import Array, Flags, Index
+
+Members = dict[str, Flags]  # which cells, quads or nodes belong to each group
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,9 @@ class Contents:
         types: Number of cells of each type.
     """
 
-    points: npt.NDArray[np.float64]
-    cells: npt.NDArray[np.int64]
-    quads: npt.NDArray[np.int64]
+    points: Array
+    cells: Index
+    quads: Index
     regions: Members
     sides: Members
     nodes: Members

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Hexahedral meshes from and to files of other programs, with their groups as names."""
+"""Input and output of hexahedral meshes in formats of other programs, groups as names."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.formats import conform
 from meshes.formats.contents import Contents, contents, groups, lower
 from meshes.hexmesh import HexMesh, boundary
@@ -122,10 +123,10 @@ def _regions(
 
 def _quads(
     found: Contents,
-    cells: npt.NDArray[np.int64],
+    cells: Index,
     new: Mapping[str, str],
     tags: Mapping[str, int],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+) -> tuple[Index, npt.NDArray[np.int32]]:
     """Return the quads of all surfaces and their tags, in the order of the file."""
     quads, numbers, surfaces = [], [], []
     for name, mask in found.sides.items():
@@ -147,8 +148,8 @@ def _quads(
 
 
 def _tell_coincident(
-    points: npt.NDArray[np.float64],
-    cells: npt.NDArray[np.int64],
+    points: Array,
+    cells: Index,
     regions: npt.NDArray[np.int32],
     log: Callable[[str], Any],
 ) -> None:

@@ -9,21 +9,10 @@ opposite, three) are promoted to four.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
+from meshes.arrays import Array, Flags, Index
+from meshes.hexmesh import FAMILIES
 
-# Edges of each family, in cyclic order round the cell and all pointing the same way. The marked
-# family takes the part of the first axis, the cyclic order that of a quad in the other two.
-FAMILIES = np.array(
-    [
-        [[0, 1], [3, 2], [7, 6], [4, 5]],
-        [[0, 3], [4, 7], [5, 6], [1, 2]],
-        [[0, 4], [1, 5], [2, 6], [3, 7]],
-    ]
-)
 CUTS = (1 / 3, 2 / 3)
 SHALLOW, DEEP = 0.5, 0.8  # bounds on the depth of a transition within its cell
 
@@ -43,14 +32,6 @@ class Cut:
     parents: Index
     sources: Index
     weights: Array
-
-
-def edges_of(cells: Index) -> tuple[Index, Index]:
-    """Return the edges, shape ``(e, 2)``, lower node first, and those of each cell, (c, 3, 4)."""
-    pairs = np.sort(cells[:, FAMILIES].reshape(-1, 2), axis=1)
-    key = pairs[:, 0] * (int(cells.max()) + 1) + pairs[:, 1]
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    return pairs[first], inverse.reshape(-1, 3, 4)
 
 
 def trisect(points: Array, cells: Index, edges: Index, of_cell: Index, marked: Flags) -> Cut:

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 
+from meshes.arrays import Array, Index
+from meshes.generate.smooth import smoothed
 from meshes.profiles.profiles import Profile
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -163,35 +161,6 @@ def numbered(numbers: Index) -> Index:
     return np.stack([q.ravel() for q in quads], axis=1)
 
 
-def smoothed(points: Array, quads: Index, weights: Array | None = None) -> Array:
-    """Return the nodes with those inside moved so that corners are right and spacing is kept.
-
-    Minimises over all corners the mean ratio ``(|a|²/α² + |b|²/β²) / 2 det(a/α, b/β)`` of the two
-    edges; the wanted lengths α, β are the mean ones of each quad before smoothing. The determinant
-    is regularised and the regularisation then withdrawn, so that folded quads unfold.
-    """
-    edges = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    pairs, count = np.unique(edges, axis=0, return_counts=True)
-    free = np.setdiff1d(np.arange(len(points)), pairs[count == 1])
-    corners = np.concatenate([np.roll(quads, -k, axis=1)[:, [0, 1, 3]] for k in range(4)])
-    sides = np.linalg.norm(points[quads] - points[np.roll(quads, -1, axis=1)], axis=2)
-    lengths = np.stack([sides[:, [0, 2]].mean(axis=1), sides[:, [1, 3]].mean(axis=1)])
-    wanted = np.concatenate([lengths[::-1] if k % 2 else lengths for k in range(4)], axis=1)
-    weight = np.ones(len(corners)) if weights is None else np.tile(weights, 4)
-    x = points.copy()
-    for delta in (0.3, 0.1, 0.03, 0.0):
-        result = minimize(
-            _distortion,
-            x[free].ravel(),
-            args=(x, free, corners, wanted, weight, delta),
-            jac=True,
-            method="L-BFGS-B",
-            options={"maxiter": 400},
-        )
-        x[free] = result.x.reshape(-1, 2)
-    return x
-
-
 def _respaced(lines: Array, first: float) -> Array:
     """Return the nodes of a band moved along its columns until the first row is ``first`` high."""
     moved = lines.copy()
@@ -201,37 +170,6 @@ def _respaced(lines: Array, first: float) -> Array:
         new = low + (t[1:] - t[1]) * (t[-1] - low) / (t[-1] - t[1])
         moved[1:, k] = np.column_stack([np.interp(new, t, lines[:, k, j]) for j in range(2)])
     return moved
-
-
-def _distortion(
-    moved: Array,
-    points: Array,
-    free: Index,
-    corners: Index,
-    wanted: Array,
-    weight: Array,
-    delta: float,
-) -> tuple[float, Array]:
-    x = points.copy()
-    x[free] = moved.reshape(-1, 2)
-    alpha, beta = wanted[:, :, None]
-    o, p, q = corners.T
-    a, b = (x[p] - x[o]) / alpha, (x[q] - x[o]) / beta
-    det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    root = np.sqrt(det**2 + 4 * max(delta, 1e-3) ** 2)
-    positive = (det + root) / 2
-    shape = (a**2 + b**2).sum(axis=1) / 2
-    slope = (1 + det / root) / 2
-    value = shape / positive
-    d_det = -(shape / positive**2 * slope)[:, None]
-    d_a = a / positive[:, None] + d_det * np.column_stack([b[:, 1], -b[:, 0]])
-    d_b = b / positive[:, None] + d_det * np.column_stack([-a[:, 1], a[:, 0]])
-    gradient = np.zeros_like(x)
-    # squared, the worst corners count most
-    for node, part in ((p, d_a / alpha), (q, d_b / beta), (o, -d_a / alpha - d_b / beta)):
-        for k in range(2):
-            gradient[:, k] += np.bincount(node, 2 * weight * value * part[:, k], minlength=len(x))
-    return float((weight * value**2).sum()), gradient[free].ravel()
 
 
 def _share(first: Array, second: Array) -> Array:

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sections swept into hexahedra, with spacing graded along the way and refined in a zone."""
+"""Sections swept into hexahedra along a line or round an axis, and refined in a zone."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.generate.refine import edges_of, trisect
+from meshes.arrays import Array, Index
+from meshes.generate.refine import trisect
 from meshes.generate.section import Band, Section
+from meshes.hexmesh import edges_of
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Place = Callable[[Array], Array]
 
 Y, Z, X, S, D = range(5)
@@ -76,31 +75,6 @@ class Zone:
         at = np.arange(len(self.columns))
         low_s, high_s = np.interp([low - share, high + share], at, self.columns)
         return float(low_s), float(high_s)
-
-
-def stretched(
-    start: float,
-    end: float,
-    zone: tuple[float, float],
-    spacing: float,
-    *,
-    growth: float = 1.25,
-    largest: float = 0.1,
-) -> Array:
-    """Return stations from ``start`` to ``end``, even in the zone and growing away from it [m].
-
-    Raises:
-        ValueError: if the zone is not inside.
-    """
-    if not start <= zone[0] < zone[1] <= end:
-        raise ValueError(f"zone: expected a stretch within {start} to {end} m, got {zone} m")
-    count = int(np.ceil((zone[1] - zone[0]) / spacing - 1e-9))
-    middle = np.linspace(*zone, count + 1)
-    left = zone[0] - _growing(zone[0] - start, spacing, growth, largest)[::-1]
-    right = zone[1] + _growing(end - zone[1], spacing, growth, largest)
-    stations = np.concatenate([left, middle, right])
-    stations[[0, -1]] = start, end
-    return stations
 
 
 def extrude(section: Section, stations: Array) -> Swept:
@@ -227,11 +201,3 @@ def _swept(section: Section, stations: Array, period: float) -> Swept:
     params = np.tile(plane, (len(stations), 1))
     params[:, X] = np.repeat(stations, n)
     return Swept(params, cells, np.tile(section.blocks, layers), period)
-
-
-def _growing(length: float, spacing: float, growth: float, largest: float) -> Array:
-    """Return distances from the zone: cells that grow up to ``largest`` and end at ``length``."""
-    steps: list[float] = []
-    while sum(steps) < length - 1e-9:
-        steps.append(min(spacing * growth ** (len(steps) + 1), largest))
-    return np.cumsum(steps) * (length / sum(steps)) if steps else np.zeros(0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What of a wheel can touch a rail, and how far it is from it.
+"""Wheel contact locus and gap function.
 
 The rail is a prism along x and the wheel a surface of revolution about the yawed axle. Their
 shortest distance is normal to x, so it is met on the wheel where the normal has no x component:
@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshes.profiles.profiles import Array, Profile
+from meshes.arrays import Array
+from meshes.profiles.profiles import Profile
 
 SPACING = 1e-5  # of the points of the rail that are compared; the gap is then exact to 1e-9 m
 

@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where the wheel stands on the rail: first touch, flange gap, contact angles, rolling radius."""
+"""Placement of the wheel on the rail: first touch, flange gap, contact angles, rolling radius."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
+from meshes.arrays import Array, Flags
 from meshes.hexmesh import HexMesh
+from meshes.profiles.features import flange_of
 from meshes.profiles.outline import SPACING, axes, contact_angle, distance, outline, seen_from_above
-from meshes.profiles.profiles import Array, Profile, inclined, rail_54e1, s1002, shifted
-from meshes.profiles.stations import flange_of
-
-Flags = npt.NDArray[np.bool_]
+from meshes.profiles.profiles import Profile, inclined, rail_54e1, s1002, shifted
 
 TAPE = 0.750  # lateral position of the tape circle: half of 1360 mm flange back distance + 70 mm
 RADIUS = 0.460

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array, Index
 
 MM = 1e-3
 RAILS = {"54E1": "rail_54e1", "60E1": "rail_60e1"}
@@ -70,7 +70,7 @@ class Profile:
         k, t, _ = self._interval(s)
         return np.asarray(np.where(t < 0.5, self.curvatures[k], self.curvatures[k + 1]))
 
-    def _interval(self, s: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    def _interval(self, s: npt.ArrayLike) -> tuple[Index, Array, Array]:
         s = np.asarray(s, dtype=np.float64)
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = self.s[k + 1] - self.s[k]

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from meshes.arrays import Array
 from meshes.profiles.outline import SPACING, axes, seen_from_above
-from meshes.profiles.profiles import Array, Profile
+from meshes.profiles.profiles import Profile
 
 STEPS = 5  # of Newton's method, to 1e-16 m over the tread
 MET = 1e-7  # depth before its last step, below which it has met the surface [m]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Shapes with closed-form answers: bar, block on base, sphere on base.
+"""Boxes of structured hexahedra: bar, graded block, tensor-product grid.
 
 Structured NumPy grids rather than gmsh: simpler here, and nodes lie exactly where they should.
 """
@@ -7,12 +7,11 @@ Structured NumPy grids rather than gmsh: simpler here, and nodes lie exactly whe
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import FACES, HexMesh, boundary
+from meshes.spacing import graded, positive
 from meshes.tags import Tag
-
-Array = npt.NDArray[np.float64]
 
 # Surface tags of a box in the order of FACES.
 SIDES = (Tag.XMIN, Tag.XMAX, Tag.YMIN, Tag.YMAX, Tag.ZMIN, Tag.ZMAX)
@@ -44,7 +43,7 @@ def bar(
         ValueError: if an extent or ``size`` is not positive.
     """
     for name, value in (("length", length), ("height", height), ("width", width)):
-        _positive(name, value)
+        positive(name, value)
     lower, upper = (0.0, -width / 2, -height / 2), (length, width / 2, height / 2)
     return block(lower, upper, size=size, region=region, surfaces=surfaces)
 
@@ -87,121 +86,9 @@ def block(
             raise ValueError(f"fine: expected -1, 0 or 1, got {fine[a]} for {name}")
         ratio = growth if fine[a] else 1.0
         count = None if cells is None else cells[a]
-        s = spacing(upper[a] - lower[a], sizes[a], cells=count, growth=ratio)
+        s = graded(upper[a] - lower[a], sizes[a], cells=count, growth=ratio)
         axes.append(lower[a] + s if fine[a] <= 0 else upper[a] - s[::-1])
     return grid(*axes, region=region, surfaces=surfaces)
-
-
-def sphere_cap(
-    radius: float,
-    extent: float,
-    *,
-    size: float,
-    growth: float = 1.2,
-    height: float | None = None,
-    surfaces: Mapping[Tag, Tag] | None = None,
-) -> HexMesh:
-    """Return a quarter of a spherical cap that touches the plane z = 0 at the origin.
-
-    A graded box whose underside is bent up to ``z = R - sqrt(R² - r²)``; the bending fades
-    linearly to zero at the flat top. Cells are finest at the origin. The underside is ``CAP``, the
-    symmetry planes are ``XMIN`` and ``YMIN``, the top is ``ZMAX``.
-
-    Args:
-        radius: Radius R of the sphere [m].
-        extent: Side of the square that the quarter covers [m].
-        size: Largest edge of the finest cells [m].
-        growth: Ratio of neighbouring edges, at least 1 [-].
-        height: Height of the flat top above the plane [m]; ``extent`` if not given.
-        surfaces: New tags for some of ``XMIN … ZMAX``; ``ZMIN`` is ``CAP`` unless named here.
-
-    Raises:
-        ValueError: if a length is not positive, or the cap does not fit into sphere and height.
-    """
-    _positive("radius", radius)
-    _positive("extent", extent)
-    height = extent if height is None else height
-    _positive("height", height)
-    if not np.sqrt(2) * extent < radius:
-        raise ValueError(f"extent: expected < radius/sqrt(2) = {radius / np.sqrt(2)}, got {extent}")
-    rise = radius - np.sqrt(radius**2 - 2 * extent**2)
-    if not rise < height / 2:
-        raise ValueError(f"height: expected > {2 * rise} (twice the rise of the cap), got {height}")
-    box = block(
-        (0.0, 0.0, 0.0),
-        (extent, extent, height),
-        size=size,
-        growth=growth,
-        fine=(-1, -1, -1),
-        region=Tag.SPHERE,
-        surfaces={Tag.ZMIN: Tag.CAP, **(surfaces or {})},
-    )
-    x, y, z = box.points.T
-    bend = radius - np.sqrt(radius**2 - x**2 - y**2)
-    return box.moved(np.column_stack([x, y, z + bend * (1 - z / height)]))
-
-
-def base(
-    extent: float,
-    depth: float | None = None,
-    *,
-    size: float,
-    growth: float = 1.2,
-    surfaces: Mapping[Tag, Tag] | None = BASE_FACES,
-) -> HexMesh:
-    """Return the quarter block below z = 0 that a :func:`sphere_cap` rests on.
-
-    Args:
-        extent: Side in x and y [m].
-        depth: Extent below the plane [m]; ``extent`` if not given.
-        size: Largest edge of the finest cells, which are at the origin [m].
-        growth: Ratio of neighbouring edges, at least 1 [-].
-        surfaces: New tags for some of ``XMIN … ZMAX``.
-
-    Raises:
-        ValueError: if a length is not positive.
-    """
-    depth = extent if depth is None else depth
-    _positive("extent", extent)
-    _positive("depth", depth)
-    lower, upper = (0.0, 0.0, -depth), (extent, extent, 0.0)
-    return block(
-        lower,
-        upper,
-        size=size,
-        growth=growth,
-        fine=(-1, -1, 1),
-        region=Tag.BASE,
-        surfaces=surfaces,
-    )
-
-
-def spacing(
-    length: float, size: float | None = None, *, cells: int | None = None, growth: float = 1.0
-) -> Array:
-    """Return node positions from 0 to ``length``, finest at 0, shape ``(cells + 1,)`` [m].
-
-    Args:
-        length: Distance to divide [m].
-        size: Largest first edge [m]; the number of cells follows, unless ``cells`` is given.
-        cells: Number of cells.
-        growth: Ratio of neighbouring edges, at least 1 [-].
-
-    Raises:
-        ValueError: if an argument is out of range.
-    """
-    if not (np.isfinite(growth) and growth >= 1):
-        raise ValueError(f"growth: expected a finite ratio of at least 1, got {growth}")
-    _positive("length", length)
-    if cells is None:
-        ratio = length / _positive("size", size)
-        if growth > 1:  # cells in a geometric series with this sum
-            ratio = np.log1p(ratio * (growth - 1)) / np.log(growth)
-        cells = max(1, int(np.ceil(ratio - 1e-9)))
-    elif cells < 1:
-        raise ValueError(f"cells: expected at least 1 along each axis, got {cells}")
-    ends = np.concatenate([[0.0], np.cumsum(growth ** np.arange(cells, dtype=float))])
-    return length * (ends / ends[-1])
 
 
 def grid(
@@ -262,9 +149,3 @@ def distorted(mesh: HexMesh, *, amplitude: float = 0.2, seed: int = 0) -> HexMes
     shortest[boundary(mesh.cells)] = 0.0
     shift = np.random.default_rng(seed).uniform(-amplitude, amplitude, mesh.points.shape)
     return mesh.moved(mesh.points + shift * shortest[:, None])
-
-
-def _positive(name: str, value: float | None) -> float:
-    if value is None or not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: expected a positive length [m], got {value}")
-    return value

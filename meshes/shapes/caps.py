@@ -4,16 +4,17 @@
 Tensor grids, uniform in a zone around the contact and graded outside, bent to their surfaces.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
-from meshes.shapes.blocks import BASE_FACES, grid, spacing
+from meshes.shapes.blocks import BASE_FACES, block, grid
+from meshes.spacing import graded, positive, zoned
 from meshes.tags import Tag
 
-Array = npt.NDArray[np.float64]
 Span = tuple[float, float]
 
 
@@ -50,34 +51,7 @@ class Footing:
             y = zoned("y", self.y, self.fine_y, self.size, self.growth)
         else:
             y = np.linspace(*self.y, self.layers + 1)
-        return x, y, spacing(self.depth, self.size, growth=self.growth)
-
-
-def zoned(name: str, span: Span, fine: Span, size: float, growth: float) -> Array:
-    """Return positions over ``span``, uniform inside ``fine`` and growing outside, ``(n,)`` [m].
-
-    Args:
-        name: Name of the axis for messages.
-        span: First and last position [m].
-        fine: Ends of the uniform zone [m].
-        size: Largest edge in the zone, and of the first cells outside of it [m].
-        growth: Ratio of neighbouring edges outside, at least 1 [-].
-
-    Raises:
-        ValueError: if the span is empty or the zone not inside of it.
-    """
-    (first, last), (a, b) = span, fine
-    if not first <= a < b <= last:
-        raise ValueError(
-            f"fine_{name}: expected a zone inside {name} = [{first}, {last}] m, got [{a}, {b}] m"
-        )
-    inner = np.linspace(a, b, max(1, int(np.ceil((b - a) / size - 1e-9))) + 1)
-    before, after = np.zeros(0), np.zeros(0)
-    if a > first:
-        before = a - spacing(a - first, size * growth, growth=growth)[:0:-1]
-    if last > b:
-        after = b + spacing(last - b, size * growth, growth=growth)[1:]
-    return np.concatenate([before, inner, after])
+        return x, y, graded(self.depth, self.size, growth=self.growth)
 
 
 def rise(x: Array, y: Array, radius: float | None, crown: float | None) -> Array:
@@ -113,10 +87,8 @@ def cap(plan: Footing, *, radius: float | None = None, crown: float | None = Non
         ValueError: if the body is empty or the surface rises over half its depth.
     """
     box = grid(*plan.axes(), region=Tag.ROLLER, surfaces={Tag.ZMIN: Tag.CAP})
-    x, y, z = box.points.T
-    bend = rise(x, y, radius, crown)
-    _shallow(bend, plan.depth)
-    return box.moved(np.column_stack([x, y, z + bend * (1 - z / plan.depth)]))
+    x, y, _ = box.points.T
+    return _bent(box, rise(x, y, radius, crown), plan.depth)
 
 
 def roller(plan: Footing, *, radius: float, crown: float | None = None) -> HexMesh:
@@ -147,12 +119,102 @@ def below(plan: Footing, *, radius: float | None = None, crown: float | None = N
     """
     x, y, z = plan.axes()
     box = grid(x, y, -z[::-1], region=Tag.BASE, surfaces=BASE_FACES)
+    x, y, _ = box.points.T
+    return _bent(box, -rise(x, y, radius, crown), -plan.depth)
+
+
+def sphere_cap(
+    radius: float,
+    extent: float,
+    *,
+    size: float,
+    growth: float = 1.2,
+    height: float | None = None,
+    surfaces: Mapping[Tag, Tag] | None = None,
+) -> HexMesh:
+    """Return a quarter of a spherical cap that touches the plane z = 0 at the origin.
+
+    A graded box whose underside is bent up to ``z = R - sqrt(R² - r²)``; the bending fades
+    linearly to zero at the flat top. Cells are finest at the origin. The underside is ``CAP``, the
+    symmetry planes are ``XMIN`` and ``YMIN``, the top is ``ZMAX``.
+
+    Args:
+        radius: Radius R of the sphere [m].
+        extent: Side of the square that the quarter covers [m].
+        size: Largest edge of the finest cells [m].
+        growth: Ratio of neighbouring edges, at least 1 [-].
+        height: Height of the flat top above the plane [m]; ``extent`` if not given.
+        surfaces: New tags for some of ``XMIN … ZMAX``; ``ZMIN`` is ``CAP`` unless named here.
+
+    Raises:
+        ValueError: if a length is not positive, or the cap does not fit into sphere and height.
+    """
+    positive("radius", radius)
+    positive("extent", extent)
+    height = extent if height is None else height
+    positive("height", height)
+    if not np.sqrt(2) * extent < radius:
+        raise ValueError(f"extent: expected < radius/sqrt(2) = {radius / np.sqrt(2)}, got {extent}")
+    box = block(
+        (0.0, 0.0, 0.0),
+        (extent, extent, height),
+        size=size,
+        growth=growth,
+        fine=(-1, -1, -1),
+        region=Tag.SPHERE,
+        surfaces={Tag.ZMIN: Tag.CAP, **(surfaces or {})},
+    )
+    x, y, _ = box.points.T
+    return _bent(box, radius - np.sqrt(radius**2 - x**2 - y**2), height, "height")
+
+
+def base(
+    extent: float,
+    depth: float | None = None,
+    *,
+    size: float,
+    growth: float = 1.2,
+    surfaces: Mapping[Tag, Tag] | None = BASE_FACES,
+) -> HexMesh:
+    """Return the quarter block below z = 0 that a :func:`sphere_cap` rests on.
+
+    Args:
+        extent: Side in x and y [m].
+        depth: Extent below the plane [m]; ``extent`` if not given.
+        size: Largest edge of the finest cells, which are at the origin [m].
+        growth: Ratio of neighbouring edges, at least 1 [-].
+        surfaces: New tags for some of ``XMIN … ZMAX``.
+
+    Raises:
+        ValueError: if a length is not positive.
+    """
+    depth = extent if depth is None else depth
+    positive("extent", extent)
+    positive("depth", depth)
+    lower, upper = (0.0, 0.0, -depth), (extent, extent, 0.0)
+    return block(
+        lower,
+        upper,
+        size=size,
+        growth=growth,
+        fine=(-1, -1, 1),
+        region=Tag.BASE,
+        surfaces=surfaces,
+    )
+
+
+def _bent(box: HexMesh, rise: Array, height: float, name: str = "depth") -> HexMesh:
+    """Return a box whose face z = 0 is moved to z = ``rise``, fading to nothing at ``height`` [m].
+
+    Raises:
+        ValueError: if the face moves over half the height, which is called ``name``.
+    """
+    _shallow(rise, height, name)
     x, y, z = box.points.T
-    bend = rise(x, y, radius, crown)
-    _shallow(bend, plan.depth)
-    return replace(box, points=np.column_stack([x, y, z - bend * (1 + z / plan.depth)]))
+    return box.moved(np.column_stack([x, y, z + rise * (1 - z / height)]))
 
 
-def _shallow(bend: Array, depth: float) -> None:
-    if not bend.max() < depth / 2:
-        raise ValueError(f"depth: expected > {2 * bend.max()} m (twice the rise), got {depth} m")
+def _shallow(rise: Array, height: float, name: str = "depth") -> None:
+    most, limit = float(np.abs(rise).max()), abs(height)
+    if not most < limit / 2:
+        raise ValueError(f"{name}: expected > {2 * most} m (twice the rise), got {limit} m")

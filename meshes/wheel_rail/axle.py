@@ -4,13 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.generate.section import coons, numbered
 from meshes.generate.sweep import Swept, X, Y, Z
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 AXLE_SPACING = 0.035
 AXLE_BLOCK = 5

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The rail as hexahedra, in the track and fine under the running surface of a zone."""
+"""Rails in the track as hexahedra, fine under the running surface of a zone."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.smooth import relaxed
-from meshes.generate.sweep import D, Swept, X, Z, Zone, extrude, levels_for, refine, stretched
+from meshes.generate.sweep import D, Swept, X, Z, Zone, extrude, levels_for, refine
 from meshes.hexmesh import HexMesh, boundary
 from meshes.profiles.placement import GAUGE, INCLINATION, track_offset
 from meshes.profiles.profiles import Profile, inclined
 from meshes.profiles.profiles import rail as drawn_rail
+from meshes.spacing import zoned
 from meshes.tags import Tag
 from meshes.wheel_rail.rail_section import completed, rail_section
 
-Array = npt.NDArray[np.float64]
-
+GROWTH = 1.25  # of cells along the rail outside of the zone
 REGIONS = (Tag.RAIL_HEAD, Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT, Tag.RAIL_FOOT, Tag.RAIL_FOOT)
 
 
@@ -65,7 +65,7 @@ def rail(
             f"zone: expected a stretch that leaves {zone[0] - even[0]:.3f} m to the rail ends at "
             f"{x0} and {x0 + length} m, got {zone}"
         )
-    stations = stretched(x0, x0 + length, even, spacing, largest=largest)
+    stations = zoned("x", (x0, x0 + length), even, spacing, GROWTH, largest)
     swept = refine(extrude(section, stations), fine, section.band, _space)
     tagged = _tagged(swept, (x0, x0 + length), base)
     turn = np.arctan(inclination)

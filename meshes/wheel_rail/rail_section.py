@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The section of a rail as quadrilaterals: any head on the web and foot of a standard rail."""
+"""Rail sections as quadrilaterals: any head on the web and foot of a standard rail."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, divided, spaced, straight
-from meshes.profiles.profiles import MM, Array, Profile, drawing
+from meshes.generate.stations import COARSEST, fine_railhead, stations
+from meshes.profiles.profiles import MM, Profile, drawing
 from meshes.profiles.profiles import RAILS as RAILS
 from meshes.profiles.profiles import rail as drawn_rail
-from meshes.profiles.stations import COARSEST, fine_railhead, stations
 
 WEB_COLUMNS = 4
 WEB_ROWS = 6

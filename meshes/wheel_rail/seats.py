@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a rail rests: shares of nodes in a stretch of its foot, points of the surface below."""
+"""Rail seats: shares of the nodes in a stretch of the foot, bilinear weights on what is below."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.quads import GAUSS, bilinear
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 BEYOND = 1.5  # farthest reference coordinate of a point beside a facet that still hangs on it
 
@@ -100,8 +97,8 @@ def below(points: Array, quads: Index, at: Array) -> tuple[Index, Array]:
     for _ in range(12):  # Newton; one step on a parallelogram
         N, da, db = bilinear(place[..., 0], place[..., 1])
         off = at[:, None, :2] - np.einsum("kqi,kqid->kqd", N, corners)
-        (a, c), (b, d) = (np.moveaxis(np.einsum("kqi,kqid->kqd", g, corners), -1, 0)
-                          for g in (da, db))  # fmt: skip
+        slopes = (np.einsum("kqi,kqid->kqd", g, corners) for g in (da, db))
+        (a, c), (b, d) = (np.moveaxis(slope, -1, 0) for slope in slopes)
         place[..., 0] += (d * off[..., 0] - b * off[..., 1]) / (a * d - b * c)
         place[..., 1] += (a * off[..., 1] - c * off[..., 0]) / (a * d - b * c)
         place = np.clip(place, -10, 10)

@@ -6,13 +6,11 @@ the facets under the foot lie at the thickness of the pad below it, inclined as 
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.hexmesh import HexMesh, join
 from meshes.shapes.blocks import grid
 from meshes.tags import Tag
-
-Array = npt.NDArray[np.float64]
 
 SURFACES = {
     Tag.ZMAX: Tag.SLEEPER_TOP,

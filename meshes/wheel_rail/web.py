@@ -1,12 +1,35 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Web and hub of a wheel as blocks of its section: drawn with y along the axle and the radius."""
+"""Wheel designs: measures, and web and hub as blocks of the section (y along the axle, radius)."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import coons, spaced, straight
+from meshes.profiles.profiles import MM, drawing
 
-Array = npt.NDArray[np.float64]
+LEAST_RIM = 0.045  # thickness of the rim under the tape circle
+
+
+def wheel_design(name: str, radius: float) -> dict[str, Array]:
+    """Return the measures of a wheel of ``wheel_ns_intercity.json`` [m].
+
+    Args:
+        name: Its name.
+        radius: Radius of the tape circle [m].
+
+    Raises:
+        ValueError: if there is no such wheel, or its rim does not fit under the tape circle.
+    """
+    designs = drawing("wheel_ns_intercity")["candidates"]
+    if name not in designs:
+        raise ValueError(f"design: expected one of {', '.join(designs)}, got {name!r}")
+    wheel = {key: np.array(value) * MM for key, value in designs[name].items()}
+    if radius < wheel["rim_ir"] + LEAST_RIM:
+        raise ValueError(
+            f"radius: expected {wheel['rim_ir'] + LEAST_RIM:.3f} m or more for a rim round "
+            f"{wheel['rim_ir']:.3f} m, got {radius}"
+        )
+    return wheel
 
 
 def web_ends(wheel: dict[str, Array]) -> tuple[float, float]:

@@ -9,20 +9,17 @@ along the axle from the tape circle, which is centred at the origin.
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.sweep import D, X, Y, Z, revolve
 from meshes.hexmesh import HexMesh, boundary
+from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS
-from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.profiles.stations import flange_of
+from meshes.profiles.profiles import Profile, s1002, shifted
 from meshes.tags import Tag
-from meshes.wheel_rail.web import filleted, hub_blocks, web_block, web_ends
+from meshes.wheel_rail.web import filleted, hub_blocks, web_block, web_ends, wheel_design
 
-Array = npt.NDArray[np.float64]
-
-LEAST_RIM = 0.045  # thickness of the rim under the tape circle
 ARC = 1.6  # cells at the rim are so many times longer than in the section
 REGIONS = (Tag.TYRE, Tag.WEB, Tag.HUB, Tag.HUB, Tag.HUB)
 
@@ -45,17 +42,9 @@ def turned_wheel(
     Raises:
         ValueError: if the size, radius or design is out of range.
     """
-    designs = drawing("wheel_ns_intercity")["candidates"]
-    if design not in designs:
-        raise ValueError(f"design: expected one of {', '.join(designs)}, got {design!r}")
     if not 2e-3 <= size <= 20e-3:
         raise ValueError(f"size: expected 2e-3 to 20e-3 m, got {size}")
-    wheel = {key: np.array(value) * MM for key, value in designs[design].items()}
-    if radius < wheel["rim_ir"] + LEAST_RIM:
-        raise ValueError(
-            f"radius: expected {wheel['rim_ir'] + LEAST_RIM:.3f} m or more for a rim round "
-            f"{wheel['rim_ir']:.3f} m, got {radius}"
-        )
+    wheel = wheel_design(design, radius)
     bore = float(wheel["bore"])
     running = shifted(s1002() if profile is None else profile, [0.0, radius])
     section = turned_section(wheel, running, size)

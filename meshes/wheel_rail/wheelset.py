@@ -6,20 +6,19 @@ place of z); the sweep coordinate is the angle from the bottom. Hub and axle sha
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.smooth import relaxed
+from meshes.generate.stations import fine_tread, stations
 from meshes.generate.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.hexmesh import HexMesh, boundary
+from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS, TAPE
-from meshes.profiles.profiles import MM, Profile, drawing, s1002, shifted
-from meshes.profiles.stations import fine_tread, flange_of, stations
+from meshes.profiles.profiles import Profile, s1002, shifted
 from meshes.tags import Tag
 from meshes.wheel_rail.axle import Axle, with_axle
-from meshes.wheel_rail.web import filleted, hub_blocks, web_block
-
-Array = npt.NDArray[np.float64]
+from meshes.wheel_rail.web import filleted, hub_blocks, web_block, wheel_design
 
 UPRIGHT = 10.0  # weight of columns at right angles to the running surface
 WEB_COLUMNS = 4
@@ -29,7 +28,6 @@ HUB_COLUMN = 0.020  # length of cells along the axle
 RIM_ROWS = 5
 WEB_SPLIT = 0.160  # radius outside of which there are three times as many sectors
 COARSEST = 0.014  # of columns and rows in the unrefined rim
-LEAST_RIM = 0.045  # thickness of the rim under the tape circle
 REGIONS = (Tag.TYRE, Tag.WEB, Tag.HUB, Tag.HUB, Tag.HUB, Tag.AXLE)
 
 
@@ -111,15 +109,7 @@ def wheel_section(
         profile: Profile of the wheel; S1002 by default.
         touch: Arc length of its first touch with the rail [m].
     """
-    designs = drawing("wheel_ns_intercity")["candidates"]
-    if design not in designs:
-        raise ValueError(f"design: expected one of {', '.join(designs)}, got {design!r}")
-    wheel = {key: np.array(value) * MM for key, value in designs[design].items()}
-    if radius < wheel["rim_ir"] + LEAST_RIM:
-        raise ValueError(
-            f"radius: expected {wheel['rim_ir'] + LEAST_RIM:.3f} m or more for a rim round "
-            f"{wheel['rim_ir']:.3f} m, got {radius}"
-        )
+    wheel = wheel_design(design, radius)
     profile = shifted(s1002() if profile is None else profile, [0.0, radius])
     flange = flange_of(profile)
     start = 0.0 if flange is None else flange[0]

@@ -33,10 +33,10 @@ def test_action_equals_reaction_and_cone(friction):
         most = max(most, pair.active)
         assert np.abs(f.sum(axis=0)).max() <= 1e-12 * size
         assert np.abs(np.cross(x, f).sum(axis=0)).max() <= 1e-12 * size * 0.05
-        h = pair.passes[0].history
-        limit = friction * h.pressing
-        assert (np.linalg.norm(h.traction, axis=1) <= limit * (1 + 1e-14)).all()
-        assert np.abs(np.einsum("ia,ia->i", h.traction, h.normal)).max() <= 1e-12 * size
+        h = pair.passes[0].contact_state
+        limit = friction * h.normal_force
+        assert (np.linalg.norm(h.tangential_force, axis=1) <= limit * (1 + 1e-14)).all()
+        assert np.abs(np.einsum("ia,ia->i", h.tangential_force, h.normal)).max() <= 1e-12 * size
     assert most > 10
 
 
@@ -103,7 +103,7 @@ def test_objective_under_rigid_rotation():
         v[top] = shift / pair.dt
         f0 = evaluate(pair, state)
     x0, lost = X + u, pair.friction_dissipation
-    t0, active = pair.passes[0].history.traction.copy(), pair.active
+    t0, active = pair.passes[0].contact_state.tangential_force.copy(), pair.active
     assert np.abs(t0).max() > 0
     axis = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
     for k in range(1, 41):
@@ -114,7 +114,9 @@ def test_objective_under_rigid_rotation():
     turn = Rotation.from_rotvec(2.0 * axis)
     assert pair.active == active
     size = np.abs(f0).max()
-    assert np.abs(pair.passes[0].history.traction - turn.apply(t0)).max() <= 1e-9 * size
+    assert (
+        np.abs(pair.passes[0].contact_state.tangential_force - turn.apply(t0)).max() <= 1e-9 * size
+    )
     assert np.abs(f - turn.apply(f0)).max() <= 1e-9 * size
     assert pair.friction_dissipation == pytest.approx(lost, rel=1e-9)
 
@@ -161,9 +163,9 @@ def test_contact_found_in_statics_carries_over():
     """Stiffness and penetration after statics are those of the first dynamic step."""
     _, pair, state = plate_on_plane(0.3)
     f = evaluate(pair, state, friction=False)
-    k = pair.passes[0].history.stiffness.copy()
+    k = pair.passes[0].contact_state.stiffness.copy()
     assert evaluate(pair, state) == pytest.approx(f, rel=1e-14)
-    assert (pair.passes[0].history.stiffness == k).all()
+    assert (pair.passes[0].contact_state.stiffness == k).all()
 
 
 def test_conservative_bounce():

@@ -154,7 +154,7 @@ SLIDE = {"output.fields": False, "time.end": 3e-5, "time.output_interval": 1e-6}
 
 def momentum(model) -> float:
     """Momentum of the block along x, at t [kg m/s]."""
-    dofs = model.body_dofs("block")
+    dofs = model.bodies.dofs("block")
     v = model.state.v.x.array + model.dt / 2 * model.state.a.array
     return float(model.mass.array[::3][dofs] @ v.reshape(-1, 3)[dofs, 0])
 

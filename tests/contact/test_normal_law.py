@@ -69,9 +69,9 @@ def test_row_11_action_equals_reaction_and_cone(kind, smooth, friction):
         assert np.abs(f.sum(axis=0)).max() <= 1e-12 * size
         assert np.abs(np.cross(x, f).sum(axis=0)).max() <= 1e-12 * size * 0.05
         for side in pair.passes:
-            h = side.history
-            over = np.linalg.norm(h.traction, axis=1) - friction * h.pressing
-            assert over.max() <= 1e-12 * h.pressing.max() and h.pressing.min() >= 0.0
+            h = side.contact_state
+            over = np.linalg.norm(h.tangential_force, axis=1) - friction * h.normal_force
+            assert over.max() <= 1e-12 * h.normal_force.max() and h.normal_force.min() >= 0.0
     assert most >= 3
 
 
@@ -135,7 +135,7 @@ def test_lagrange_leaves_no_gap_and_no_tension():
         load[2::3] = mass[2::3] * 1e5 * np.cos(k / 40 * np.pi / 2) * (1 + 0.3 * np.sin(3.0 * k))
         step(pair, state, mass, -load)
         gaps.append((state.u.x.array[2::3] - 1e-6).min())
-        pressing.append(pair.passes[0].history.pressing.copy())
+        pressing.append(pair.passes[0].contact_state.normal_force.copy())
     pressing = np.array(pressing)
     touch = pressing.max(axis=1) > 0
     assert (pressing >= 0).all() and 10 < touch.sum() < 80 and not touch[-30:].any()
@@ -274,7 +274,7 @@ C = np.sqrt(E / RHO)
 
 def momentum(model, body):
     """Momentum of a body at t, shape ``(3,)`` [kg m/s]."""
-    dofs, state = model.body_dofs(body), model.state
+    dofs, state = model.bodies.dofs(body), model.state
     v = (state.v.x.array + model.dt / 2 * state.a.array).reshape(-1, 3)[dofs]
     return model.mass.array[::3][dofs] @ v
 

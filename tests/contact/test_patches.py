@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Patches: parted at valleys of pressure, followed from output to output, their creepages."""
 
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
@@ -237,25 +234,16 @@ def test_travel_of_the_main_scene():
     assert travel(scene) == pytest.approx(22.222 * np.array([np.cos(0.02), np.sin(0.02), 0]))
 
 
-RANKS = """
-import sys
-from workflow import Scene, run
-law = {"law": "exponential", "static": 0.5, "kinetic": 0.2, "decay": 0.5}
-law["memory"] = {"length": 2e-6}
-keys = {"output.fields": False, "time.end": 2e-5, "contacts.face.friction": law}
-run(Scene.load("sliding-block", **keys), sys.argv[1], quiet=True)
-"""
+LAW = {"law": "exponential", "static": 0.5, "kinetic": 0.2, "decay": 0.5}
+LAW["memory"] = {"length": 2e-6}
 
 
 @pytest.mark.mpi
-def test_patches_and_laws_are_the_same_on_two_ranks(tmp_path):
+def test_patches_and_laws_are_the_same_on_two_ranks(squealx, tmp_path):
     """Every column of the table, with friction that has a memory: to 1e-9 of its largest value."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    start = str(mpiexec) if mpiexec.exists() else "mpiexec"
-    for ranks in (1, 2):
-        command = [start, "-n", str(ranks), sys.executable, "-c", RANKS, str(tmp_path / f"{ranks}")]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-        assert done.returncode == 0, done.stderr
+    keys = {"output.fields": False, "time.end": 2e-5, "contacts.face.friction": LAW}
+    run(Scene.load("sliding-block", **keys), tmp_path / "1", quiet=True)
+    squealx("run", tmp_path / "1" / "scene.toml", "--ranks", 2, "--out", tmp_path / "2")
     files = [h5py.File(tmp_path / f"{ranks}" / "results.h5", "r") for ranks in (1, 2)]
     one, two = (file["patches/face"] for file in files)
     for name in {*COLUMNS, "output", "t", "patch"} - {"rolling_speed", "creepage", "spin_creepage"}:

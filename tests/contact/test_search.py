@@ -51,8 +51,8 @@ def test_closest_point_equals_brute_force(seed, bump):
         if distance > 0.55:
             continue
         c = 4 * k
-        assert c in pair.passes[0].near.item
-        assert abs(pair.passes[0].history.gap[c]) == pytest.approx(distance, abs=1e-7)
+        assert c in pair.passes[0].candidates.item
+        assert abs(pair.passes[0].contact_state.gap[c]) == pytest.approx(distance, abs=1e-7)
 
 
 def test_edges_vertices_and_concave_root():
@@ -66,7 +66,7 @@ def test_edges_vertices_and_concave_root():
     points = [[-0.2, 1.5, 0.1], [-0.1, 1.5, 0.2], [0.05, 1.3, 0.3], [-0.3, 1.0, -0.05],
               [0.03, 1.5, -0.04]]  # fmt: skip
     pair = found(target, points, diagonal)
-    gap, normal = pair.passes[0].history.gap[::4], pair.passes[0].history.normal[::4]
+    gap, normal = pair.passes[0].contact_state.gap[::4], pair.passes[0].contact_state.normal[::4]
     # in the solid below the root the distance to the edge is the depth
     assert gap == pytest.approx([0.1, 0.1, -0.05, -0.05, -0.05], abs=1e-12)
     assert normal[:4] == pytest.approx(
@@ -79,18 +79,18 @@ def test_tracking_sees_the_wall():
     """A node that skims the floor is caught by the wall, without a new search."""
     target, diagonal = root(), np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
     pair = found(target, [[-0.35, 1.4, 0.1]], diagonal, reach=0.5)
-    n, c = 3 * (len(target.nodes) + 4), pair.passes[0].near.search.nc
-    assert c == 4 and pair.passes[0].history.gap[0] == pytest.approx(0.1)
-    u, item = np.zeros(n), pair.passes[0].near.item
-    pair.passes[0].near.margin = 10.0
+    n, c = 3 * (len(target.nodes) + 4), pair.passes[0].candidates.search.nc
+    assert c == 4 and pair.passes[0].contact_state.gap[0] == pytest.approx(0.1)
+    u, item = np.zeros(n), pair.passes[0].candidates.item
+    pair.passes[0].candidates.margin = 10.0
     for x in np.linspace(0.0, 0.4, 41):
         u[-12::3] = x
         field = SimpleNamespace(x=SimpleNamespace(array=u))
         still = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
         state = SimpleNamespace(u=field, v=still, t=0.0)
         pair.add(state, SimpleNamespace(array=np.zeros(n)))
-        assert pair.passes[0].near.item is item
-        assert pair.passes[0].history.gap[0] == pytest.approx(min(0.1, 0.35 - x), abs=1e-12)
+        assert pair.passes[0].candidates.item is item
+        assert pair.passes[0].contact_state.gap[0] == pytest.approx(min(0.1, 0.35 - x), abs=1e-12)
 
 
 def test_exactly_on_nodes_and_edges_and_beyond_the_border():
@@ -99,7 +99,7 @@ def test_exactly_on_nodes_and_edges_and_beyond_the_border():
     inside = [[1, 1, -0.1], [1.5, 1, -0.1], [0, 0, -0.1], [3, 1.3, -0.1], [3, 3, -0.1]]
     outside = [[-0.1, 1, -0.1], [3.2, 1.5, -0.1], [-0.1, -0.1, -0.1]]
     pair = found(target, inside + outside)
-    gap = pair.passes[0].history.gap[::4]
+    gap = pair.passes[0].contact_state.gap[::4]
     assert gap[:5] == pytest.approx(np.full(5, -0.1), abs=1e-14)
     assert np.isinf(gap[5:]).all()
 
@@ -134,21 +134,21 @@ def test_nobody_is_missed_under_motion(seed):
     force = SimpleNamespace(array=np.zeros(n))
     for _ in range(150):
         u += dt * v
-        before = pair.passes[0].near.item
+        before = pair.passes[0].candidates.item
         pair.add(state, force)
-        searches += pair.passes[0].near.item is not before
+        searches += pair.passes[0].candidates.item is not before
         fresh = ContactPair(probe, target, dt=dt, reach=reach)
         fresh.add(state, force)
-        touch, again = pair.passes[0].history.gap < 0, fresh.passes[0].history.gap < 0
+        touch, again = pair.passes[0].contact_state.gap < 0, fresh.passes[0].contact_state.gap < 0
         # a first contact within the reach must be seen at once
-        shallow = again & (fresh.passes[0].history.gap > -2e-4)
+        shallow = again & (fresh.passes[0].contact_state.gap > -2e-4)
         assert not (shallow & ~touch & ~began).any()
         both = touch & again
-        assert pair.passes[0].history.gap[both] == pytest.approx(
-            fresh.passes[0].history.gap[both], abs=1e-9
+        assert pair.passes[0].contact_state.gap[both] == pytest.approx(
+            fresh.passes[0].contact_state.gap[both], abs=1e-9
         )
         began |= touch
-        pair.passes[0].history.gap[:], fresh.passes[0].history.gap[:] = np.inf, np.inf
+        pair.passes[0].contact_state.gap[:], fresh.passes[0].contact_state.gap[:] = np.inf, np.inf
     assert searches < 75 and began.any()
 
 
@@ -161,7 +161,7 @@ def test_search_cost_follows_the_patch():
     n = 3 * (len(target.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
-    assert 1 <= pair.passes[0].near.search.live.sum() <= 25
+    assert 1 <= pair.passes[0].candidates.found.live.sum() <= 25
 
 
 def test_topology():
@@ -216,11 +216,11 @@ def test_nobody_is_missed_from_rest(seed, acceleration):
         return down * t**2 / 2, down * max(t - 5e-7, 0)
 
     for pair, fresh in carried(target, points, fall, 130):
-        touch = pair.passes[0].history.gap < 0
-        new = (fresh.passes[0].history.gap < 0) & ~began
+        touch = pair.passes[0].contact_state.gap < 0
+        new = (fresh.passes[0].contact_state.gap < 0) & ~began
         assert not (new & ~touch).any()
         began |= touch
-        pair.passes[0].history.gap[:], fresh.passes[0].history.gap[:] = np.inf, np.inf
+        pair.passes[0].contact_state.gap[:], fresh.passes[0].contact_state.gap[:] = np.inf, np.inf
     assert began.any()
 
 
@@ -259,8 +259,10 @@ def test_sharp_surfaces_under_motion_equal_brute_force(seed):
         for i, p in enumerate(points + k * 1e-6 * way):
             distance = brute_force(target, p, np.array([0, 0, -1.0]))
             above = p[2] > steep * abs((p[0] / 2e-3) % 2 - 1) * 2e-3
-            if 4 * i in pair.passes[0].near.item and above:
-                assert abs(pair.passes[0].history.gap[4 * i]) == pytest.approx(distance, abs=1e-9)
+            if 4 * i in pair.passes[0].candidates.item and above:
+                assert abs(pair.passes[0].contact_state.gap[4 * i]) == pytest.approx(
+                    distance, abs=1e-9
+                )
                 checked += 1
     assert checked > 5
 
@@ -275,9 +277,9 @@ def test_node_leaves_over_the_end_of_the_target():
         carried(target, [[3.5e-3, 2e-3, -2e-5]], lambda k: (k * 1e-6 * way, way), 100)
     ):
         x = 3.5e-3 + k * 1e-5
-        if pair.passes[0].history.pressing[0] > 0:
+        if pair.passes[0].contact_state.normal_force[0] > 0:
             last = x
-            assert pair.passes[0].history.gap[0] == pytest.approx(-2e-5, rel=1e-9)
+            assert pair.passes[0].contact_state.gap[0] == pytest.approx(-2e-5, rel=1e-9)
     assert last == pytest.approx(4e-3, abs=2e-5)
 
 

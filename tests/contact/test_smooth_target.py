@@ -21,11 +21,11 @@ def over(target, points, smooth, normal=(0.0, 0.0, -1.0), reach=2e-3):
     """Gaps and normals of single nodes at ``points``, shapes ``(n,)`` and ``(n, 3)``."""
     probe = probes(points, len(target.nodes), normal, 1e-4)
     pair = ContactPair(probe, target, dt=1e-6, reach=reach, smooth=smooth)
-    pair.passes[0].near.margin = reach
+    pair.passes[0].candidates.margin = reach
     n = 3 * (len(target.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
-    return pair.passes[0].history.gap[::4], pair.passes[0].history.normal[::4]
+    return pair.passes[0].contact_state.gap[::4], pair.passes[0].contact_state.normal[::4]
 
 
 def cylinder(h, uneven=0.0, seed=0):
@@ -117,8 +117,8 @@ def test_tracking_equals_a_new_search():
     for k, p in enumerate(points):
         u[-12:] = np.tile(p - points[0], 4)
         pair.add(state, SimpleNamespace(array=np.zeros(u.size)))
-        assert pair.passes[0].history.gap[0] == pytest.approx(fresh[0][k], abs=1e-12)
-        assert pair.passes[0].history.normal[0] == pytest.approx(fresh[1][k], abs=1e-9)
+        assert pair.passes[0].contact_state.gap[0] == pytest.approx(fresh[0][k], abs=1e-12)
+        assert pair.passes[0].contact_state.normal[0] == pytest.approx(fresh[1][k], abs=1e-9)
 
 
 def test_sharp_edges_stay_sharp():
@@ -127,16 +127,16 @@ def test_sharp_edges_stay_sharp():
     points = [[-0.2, 1.5, 0.1], [-0.1, 1.5, 0.2], [0.05, 1.3, 0.3], [-0.3, 1.0, -0.05]]
     probe = probes(points, len(target.nodes), diagonal)
     pair = ContactPair(probe, target, dt=1e-6, reach=0.6, smooth=True)
-    pair.passes[0].near.margin = 0.6
+    pair.passes[0].candidates.margin = 0.6
     n = 3 * (len(target.nodes) + len(probe.nodes))
     field = SimpleNamespace(x=SimpleNamespace(array=np.zeros(n)))
     pair.add(SimpleNamespace(u=field, v=field, t=0.0), SimpleNamespace(array=np.zeros(n)))
     flat = found(target, points, diagonal)
-    assert pair.passes[0].history.gap[::4] == pytest.approx(
-        flat.passes[0].history.gap[::4], abs=1e-12
+    assert pair.passes[0].contact_state.gap[::4] == pytest.approx(
+        flat.passes[0].contact_state.gap[::4], abs=1e-12
     )
-    assert pair.passes[0].history.normal[::4] == pytest.approx(
-        flat.passes[0].history.normal[::4], abs=1e-12
+    assert pair.passes[0].contact_state.normal[::4] == pytest.approx(
+        flat.passes[0].contact_state.normal[::4], abs=1e-12
     )
     smooth = Smooth(target.reference, target.facets, 0.7)
     assert len(smooth.normals) == len(target.nodes) + 4  # the edge's nodes have two each
@@ -156,9 +156,9 @@ def test_border_normals_mirror_the_inner_ones():
     """At the border of a cylinder the normal is that of the circle, not of the last chord."""
     target = cylinder(2e-3)
     s = Smooth(target.reference, target.facets, 0.7)
-    s.choose(np.ones(len(target.facets), dtype=np.uint8))
+    every = s.corners(np.ones(len(target.facets), dtype=np.uint8))
     xv = np.hstack([target.reference, np.zeros_like(target.reference)])
-    s.update(view("xv", np.ascontiguousarray(xv), xv.shape))
+    s.update(every, view("xv", np.ascontiguousarray(xv), xv.shape))
     node = np.empty(len(s.normals), dtype=int)
     node[s.corner.ravel()] = target.facets.ravel()
     exact = target.reference[node] * [1, 0, 1] / R

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The step bound of bodies on springs and dampers: oscillators, and dense eigenvalues."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
 import dolfinx
@@ -18,7 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forms.elasticity import Elastic, full, small_strain
-from forms.springs.connections import Connections, Mean, PointMasses, Spread
+from forms.springs.connections import Connections
+from forms.springs.point_masses import PointMasses
+from forms.springs.springs import Springs, mean, spread
 from forms.springs.step_bound import Attached, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from meshes.domain import Domain, distribute
@@ -118,7 +116,7 @@ def nodal_mass(domain: Domain, inertia) -> np.ndarray:
     return mass.array.copy()
 
 
-def connected(domain: Domain, seed: int, size: float = 1.0) -> tuple[PointMasses, list]:
+def connected(domain: Domain, seed: int, size: float = 1.0) -> tuple[PointMasses, list[Springs]]:
     """Point masses from 1 g to 1 t, one of them held along z, under pads and a journal.
 
     Pads tie each node of the bottom to one of two masses or the ground, the journal the mean of the
@@ -132,18 +130,17 @@ def connected(domain: Domain, seed: int, size: float = 1.0) -> tuple[PointMasses
     masses = PointMasses(mass, np.zeros(3), free, base, 1e-3 * shock)
     points = domain.source.points
     drawn = random.uniform(size=(len(points), 7))
-    links: list = []
+    links = []
     for z in (0.0, 1.0):
         dofs = domain.local_dofs(nodes := np.flatnonzero(points[:, 2] == z))
-        dofs, nodes, n = dofs[dofs >= 0], nodes[dofs >= 0], len(nodes)
         if z == 0:
             point = (4 * drawn[nodes, 6]).astype(np.int32) % 3 - 1
             k, c = size * 10 ** (5 * drawn[nodes, :3]), size * 10 ** (3 * drawn[nodes, 3:6])
-            links.append(Spread(dofs, point, k, c, masses))
+            links.append(spread(domain.msh.comm, dofs, k, c, point))
         else:
             k, c = size * 10 ** random.uniform(2, 6, 3), size * 10 ** random.uniform(0, 4, 3)
-            weight = np.full(len(dofs), 1 / n)
-            links.append(Mean(domain.msh.comm, dofs, weight, 2, k, c, masses))
+            weight = np.full(len(dofs), 1 / len(dofs))
+            links.append(mean(domain.msh.comm, dofs, weight, k, c, 2))
     return masses, links
 
 
@@ -152,20 +149,12 @@ def dense(masses: PointMasses, links: list, n: int, which: str) -> np.ndarray:
     ground = getattr(masses, f"base_{which}").ravel()
     K = np.diag(np.append(np.zeros(n), ground))
     for link in links:
-        k = getattr(link, which)
-        for axis in range(3):
-            if isinstance(link, Mean):
+        block = np.concatenate([link.dofs, n // 3 + link.points])
+        for weight, k in zip(link.B.toarray(), getattr(link, which), strict=True):
+            for axis in range(3):
                 b = np.zeros(n + 9)
-                b[3 * link.dofs + axis] = link.weight
-                b[n + 3 * link.point + axis] = -1
+                b[3 * block + axis] = weight
                 K += k[axis] * np.outer(b, b)
-                continue
-            for dof, point, value in zip(link.dofs, link.point, k[:, axis], strict=True):
-                b = np.zeros(n + 9)
-                b[3 * dof + axis] = 1
-                if point >= 0:
-                    b[n + 3 * point + axis] = -1
-                K += value * np.outer(b, b)
     return K
 
 
@@ -244,10 +233,8 @@ def growth(factor: float, damping: float) -> float:
     residual, inertia = forms(domain, Elastic(1e-9, 0.3, 8.0))
     m = nodal_mass(domain, inertia)
     masses = PointMasses(np.ones(8), np.zeros(3), np.ones((8, 3)), *np.zeros((2, 8, 3)))
-    k = np.full((8, 3), 50.0)
-    link = Spread(
-        np.arange(8, dtype=np.int32), np.arange(8, dtype=np.int32), k, damping * k, masses
-    )
+    k, each = np.full((8, 3), 50.0), np.arange(8, dtype=np.int32)
+    link = spread(MPI.COMM_SELF, each, k, damping * k, each)
     springs, dampers = attached(MPI.COMM_SELF, masses, [link], m)
     omega = cell_frequency(domain.V, residual, inertia)
     dt = factor * joined_step(omega, springs, dampers)
@@ -275,10 +262,6 @@ def test_run_is_bounded_just_below_the_bound_and_diverges_just_above(damping):
 
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="is itself on ranks")
-def test_bounds_also_hold_on_ranks():
+def test_bounds_also_hold_on_ranks(tests_on):
     """The assembled operator with springs under ``mpiexec``, against the dense one."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-m"]
-    command += ["pytest", "-q", "-x", "-p", "no:cacheprovider", __file__, "-k", "operator"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests_on(2, __file__, "-k", "operator")

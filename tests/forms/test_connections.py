@@ -8,7 +8,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.springs.connections import Connections, Mean, PointMasses, Spread
+from forms.springs import springs
+from forms.springs.connections import Connections
+from forms.springs.point_masses import PointMasses
+from forms.springs.springs import Springs
 
 UP = np.array([0.0, 0.0, 1.0])
 NOTHING = np.zeros(3)
@@ -50,25 +53,25 @@ def crossings(z: np.ndarray, dt: float) -> np.ndarray:
     return (i + z[i] / (z[i] - z[i + 1])) * dt
 
 
-def spread(masses, k, c=0.0, *, n: int = 3) -> Spread:
+def spread(k, c=0.0, *, n: int = 3) -> Springs:
     """Vertical springs of total stiffness k and damping c from n nodes to mass 0."""
     share = np.ones((n, 1)) / n
     dofs, point = np.arange(n, dtype=np.int32), np.zeros(n, dtype=np.int32)
-    return Spread(dofs, point, k * share * UP, c * share * UP, masses)
+    return springs.spread(MPI.COMM_SELF, dofs, k * share * UP, c * share * UP, point)
 
 
-def mean(masses, k, c=0.0) -> Mean:
+def mean(k, c=0.0) -> Springs:
     """One spring and damper from the mean of three nodes to mass 0."""
     dofs = np.arange(3, dtype=np.int32)
-    return Mean(MPI.COMM_SELF, dofs, np.array([0.5, 0.3, 0.2]), 0, k * UP, c * UP, masses)
+    return springs.mean(MPI.COMM_SELF, dofs, np.array([0.5, 0.3, 0.2]), k * UP, c * UP, 0)
 
 
 M, K, ZETA = 250.0, 4e6, 0.05
 C = 2 * ZETA * np.sqrt(K * M)
 HOLDERS = {
     "ground": lambda: (point_masses([M], stiffness=K * UP, damping=C * UP), []),
-    "spread": lambda: (m := point_masses([M]), [spread(m, K, C)]),
-    "mean": lambda: (m := point_masses([M]), [mean(m, K, C)]),
+    "spread": lambda: (point_masses([M]), [spread(K, C)]),
+    "mean": lambda: (point_masses([M]), [mean(K, C)]),
 }
 
 
@@ -123,7 +126,7 @@ def test_dissipation_of_a_braked_mass():
 def test_row_19_static_deflection_under_weight():
     """A sprung mass hangs lower than its axle box by m g / k, and then all is at rest."""
     masses = point_masses([M], free=UP, gravity=-9.81 * UP)
-    link = mean(masses, K)
+    link = mean(K)
     connections = Connections(MPI.COMM_SELF, masses, [link], 1e-6)
     state, force = nodes(3)
     state.u.x.array[2::3] = [0.01, 0.02, -0.03]
@@ -144,17 +147,17 @@ def test_mean_spring_does_not_feel_a_ring_turn_but_a_spread_one_does():
     masses = point_masses([M])
     dofs = np.arange(8, dtype=np.int32)
     k = np.full(3, K)
-    link = Mean(MPI.COMM_SELF, dofs, np.full(8, 1 / 8), -1, k, 0 * k, masses)
+    link = springs.mean(MPI.COMM_SELF, dofs, np.full(8, 1 / 8), k, 0 * k)
     state, force = nodes(8)
     state.u.x.array[:] = (ring @ R.T - ring).ravel()
-    link.add(state.u.x.array, state.v.x.array, force.array, masses.force, 0.0)
+    link.add(state.u.x.array, state.v.x.array, masses, force.array, masses.force, 0.0)
     np.testing.assert_allclose(force.array, 0, atol=1e-12 * K * 0.08)
     state.u.x.array.reshape(-1, 3)[:, 2] += 1e-3
-    link.add(state.u.x.array, state.v.x.array, force.array, masses.force, 0.0)
+    link.add(state.u.x.array, state.v.x.array, masses, force.array, masses.force, 0.0)
     np.testing.assert_allclose(force.array.reshape(8, 3)[:, 2], -K * 1e-3 / 8, rtol=1e-9)
-    each = Spread(dofs, np.full(8, -1, dtype=np.int32), np.full((8, 3), K / 8), 0 * ring, masses)
+    each = springs.spread(MPI.COMM_SELF, dofs, np.full((8, 3), K / 8), 0 * ring)
     force.array[:] = 0.0
-    each.add(state.u.x.array, state.v.x.array, force.array, masses.force, 0.0)
+    each.add(state.u.x.array, state.v.x.array, masses, force.array, masses.force, 0.0)
     assert np.abs(force.array).max() > 0.5 * K / 8 * 0.08 * 2 * np.sin(turn / 2)
 
 
@@ -164,7 +167,7 @@ def test_reaction_on_the_masses_balances_the_forces_on_the_nodes():
     masses = point_masses([M, 2 * M])
     k, c = random.uniform(1, 2, (2, 5, 3))
     dofs, point = np.arange(5, dtype=np.int32), np.array([0, 1, 1, 0, 0], dtype=np.int32)
-    links = [Spread(dofs, point, K * k, C * c, masses), mean(masses, K, C)]
+    links = [springs.spread(MPI.COMM_SELF, dofs, K * k, C * c, point), mean(K, C)]
     state, force = nodes(5)
     state.u.x.array[:], state.v.x.array[:] = random.standard_normal((2, 15))
     masses.u[:], masses.v[:] = random.standard_normal((2, 2, 3))
@@ -187,7 +190,8 @@ def test_spread_springs_node_by_node():
     u, v = random.standard_normal((2, 5, 3))
     masses.u[:], masses.v[:] = random.standard_normal((2, 2, 3))
     force, reaction = np.zeros(15), np.zeros((2, 3))
-    Spread(dofs, point, k, c, masses).add(u.ravel(), v.ravel(), force, reaction, 0.0)
+    link = springs.spread(MPI.COMM_SELF, dofs, k, c, point)
+    link.add(u.ravel(), v.ravel(), masses, force, reaction, 0.0)
     nodal, ends = np.zeros((5, 3)), np.zeros((2, 3))
     for i, (node, m) in enumerate(zip(dofs, point, strict=True)):
         q, w = (masses.u[m], masses.v[m]) if m >= 0 else (0.0, 0.0)
@@ -198,8 +202,8 @@ def test_spread_springs_node_by_node():
     np.testing.assert_allclose(force.reshape(-1, 3), nodal, rtol=1e-13)
     np.testing.assert_allclose(reaction, ends, rtol=1e-13)
     force[:] = 0.0
-    ground = Spread(dofs[1:2], point[1:2], k[1:2], c[1:2], point_masses([]))
-    ground.add(u.ravel(), v.ravel(), force, np.zeros((0, 3)), 0.0)
+    ground = springs.spread(MPI.COMM_SELF, dofs[1:2], k[1:2], c[1:2])
+    ground.add(u.ravel(), v.ravel(), point_masses([]), force, np.zeros((0, 3)), 0.0)
     np.testing.assert_allclose(force[:3], -k[1] * u[0] - c[1] * v[0], rtol=1e-13)
 
 
@@ -215,7 +219,7 @@ def test_condensed_stiffness_is_the_derivative_of_the_settled_forces():
     k = random.uniform(1e6, 5e6, (6, 3))
     dofs = np.array([0, 1, 2, 3, 4, 5], dtype=np.int32)
     point = np.array([0, 0, 1, 1, -1, 2], dtype=np.int32)
-    links = [Spread(dofs, point, k, 0 * k, masses), mean(masses, K)]
+    links = [springs.spread(MPI.COMM_SELF, dofs, k, 0 * k, point), mean(K)]
     connections = Connections(MPI.COMM_SELF, masses, links, 1e-6)
     number = random.permutation(6)
     rows, columns, values = connections.stiffness(number)

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import erf
 
 from forms.elasticity import Elastic
-from forms.springs.dashpots import Dashpots, absorbing
+from forms.springs.dashpots import absorbing, dashpots
 from forms.springs.point_masses import PointMasses
 from forms.springs.step_bound import attached
 from workflow.model.model import Model, build
@@ -38,7 +38,7 @@ def test_bound_of_slanted_dampers():
     """The dampers along the axes that bound them: diag(d) − C has no negative eigenvalue."""
     points = SQUARE @ np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0].T
     matrix = absorbing(points, np.arange(4)[None], STEEL)
-    link = Dashpots(np.arange(4, dtype=np.int32), matrix)
+    link = dashpots(MPI.COMM_SELF, np.arange(4, dtype=np.int32), matrix)
     masses = PointMasses(np.zeros(0), np.zeros(3), NOBODY, NOBODY, NOBODY)
     springs, dampers = attached(MPI.COMM_SELF, masses, [link], np.ones(12))
     assert springs.rate == 0.0 and not springs.nodal.any()

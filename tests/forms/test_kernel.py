@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What ``CellKernel`` promises its callers; its numbers are checked by verification row 1."""
 
+import subprocess
+import sys
+
 from mpi4py import MPI
 
 import dolfinx
@@ -108,3 +111,14 @@ def test_integral_sums_over_the_mesh(cube):
     x, y, z = cube.V.tabulate_dof_coordinates().T
     u.x.array[:] = np.column_stack([x + 2 * y, 0 * x, 3 * z]).ravel()
     assert CellIntegral(inner(grad(u), grad(u)) * full(cube.msh))() == pytest.approx(14, rel=1e-13)
+
+
+def test_the_face_of_forms_is_complete_and_cheap():
+    """``import forms`` loads neither UFL nor DOLFINx; every name of ``__all__`` is there."""
+    code = (
+        "import sys, forms\n"
+        "assert not {'ufl', 'dolfinx'} & sys.modules.keys()\n"
+        "from forms import *\n"
+        "assert Law.from_energy and LAWS and CellKernel is sys.modules['forms.kernel'].CellKernel\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from forms.loads import DeadLoad, DriveTorque, MassDamping, nodal_traction
-from meshes.shapes import blocks
+from meshes.shapes import blocks, caps
 from meshes.tags import Tag
 
 AXIS = np.array([0.6, 0.0, 0.8])
@@ -39,7 +39,7 @@ def test_traction_on_a_cap_converges_to_its_area():
 
     Facets cut the sphere by h²/24R² of its area, 1e-5 at 1 mm, and the 2 × 2 points less: 1e-4.
     """
-    cap = blocks.sphere_cap(0.05, 0.02, size=1e-3, growth=1.0)
+    cap = caps.sphere_cap(0.05, 0.02, size=1e-3, growth=1.0)
     f = nodal_traction(cap.points, cap.surface(Tag.CAP), np.array([0, 0, 1.0]))
     x = (np.arange(1000) + 0.5) * 0.02 / 1000
     area = (0.05 / np.sqrt(0.05**2 - x**2 - x[:, None] ** 2)).sum() * (0.02 / 1000) ** 2

@@ -416,11 +416,6 @@ def _by_node(vector: np.ndarray) -> np.ndarray:
 
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="is itself on ranks")
-def test_sums_and_domains_also_hold_on_ranks():
+def test_sums_and_domains_also_hold_on_ranks(tests_on):
     """Tests of this file under ``mpiexec``: each rank adds its own cells, ghosts not."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-m"]
-    command += ["pytest", "-q", "-x", "-p", "no:cacheprovider", __file__]
-    command += ["-k", "ranks or single_precision or compiled_once"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests_on(2, __file__, "-k", "ranks or single_precision or compiled_once")

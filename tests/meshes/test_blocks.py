@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshes.hexmesh import HexMesh, boundary, join
-from meshes.shapes import blocks
+from meshes.shapes import blocks, caps
+from meshes.spacing import graded
 from meshes.tags import Tag
 
 
@@ -57,7 +58,7 @@ def test_all_boundary_quads_are_tagged_once():
 def test_spacing_keeps_size_growth_and_length(length, ratio, growth):
     """The first edge is at most ``size`` and not needlessly small; edges grow by ``growth``."""
     size = ratio * length
-    s = blocks.spacing(length, size, growth=growth)
+    s = graded(length, size, growth=growth)
     edges = np.diff(s)
     assert s[0] == 0 and s[-1] == length
     assert edges[0] <= size * (1 + 1e-6)
@@ -85,7 +86,7 @@ def test_bar_is_centred_on_the_x_axis():
 
 def test_cap_lies_on_the_sphere_and_keeps_flat_planes():
     """Every CAP node is at distance R from the centre; symmetry planes and top stay flat."""
-    mesh = blocks.sphere_cap(0.05, 0.02, size=5e-4, growth=1.2)
+    mesh = caps.sphere_cap(0.05, 0.02, size=5e-4, growth=1.2)
     on_cap = mesh.points[mesh.surface(Tag.CAP)] - [0, 0, 0.05]
     np.testing.assert_allclose(np.linalg.norm(on_cap, axis=-1), 0.05, rtol=1e-14)
     for tag, axis, value in ((Tag.XMIN, 0, 0), (Tag.YMIN, 1, 0), (Tag.ZMAX, 2, 0.02)):
@@ -99,13 +100,13 @@ def test_cap_volume_converges_to_the_closed_form():
     radius, extent, n = 0.05, 0.02, 2000
     x = (np.arange(n) + 0.5) * extent / n
     under = np.sum(radius - np.sqrt(radius**2 - x**2 - x[:, None] ** 2)) * (extent / n) ** 2
-    mesh = blocks.sphere_cap(radius, extent, size=5e-4, growth=1.0)
+    mesh = caps.sphere_cap(radius, extent, size=5e-4, growth=1.0)
     assert volumes(mesh).sum() == pytest.approx(extent**3 - under, rel=1e-4)
 
 
 def test_cap_and_base_touch_at_the_origin_with_distinct_contact_surfaces():
     """Joined, both share the symmetry planes but not the surfaces that meet."""
-    mesh = join(blocks.sphere_cap(0.05, 0.01, size=1e-3), blocks.base(0.01, size=1e-3))
+    mesh = join(caps.sphere_cap(0.05, 0.01, size=1e-3), caps.base(0.01, size=1e-3))
     assert volumes(mesh).min() > 0
     top = mesh.points[mesh.surface(Tag.BASE_TOP)]
     cap = mesh.points[mesh.surface(Tag.CAP)]
@@ -143,14 +144,14 @@ def test_distorted_moves_interior_nodes_only_and_repeats():
         (lambda: blocks.block((0, 0, 0), (1, 1, 1), cells=(1, 0, 1)), "cells: .* got 0"),
         (lambda: blocks.block((0, 0, 0), (1, 1, 1)), "expected exactly one"),
         (lambda: blocks.block((0,) * 3, (1,) * 3, size=1, fine=(2, 0, 0)), "fine: .* got 2"),
-        (lambda: blocks.base(1, size=0.1, growth=0.9), "growth: .* got 0.9"),
-        (lambda: blocks.sphere_cap(1, 0.8, size=0.1), "extent: expected < .* got 0.8"),
-        (lambda: blocks.sphere_cap(1, 0.7, size=0.1), "height: expected > .* got 0.7"),
+        (lambda: caps.base(1, size=0.1, growth=0.9), "growth: .* got 0.9"),
+        (lambda: caps.sphere_cap(1, 0.8, size=0.1), "extent: expected < .* got 0.8"),
+        (lambda: caps.sphere_cap(1, 0.7, size=0.1), "height: expected > .* got 0.7"),
         (
             lambda: blocks.block((0,) * 3, (1,) * 3, size=1, surfaces={Tag.CAP: Tag.BASE_TOP}),
             "surfaces: .* got .*CAP",
         ),
-        (lambda: blocks.distorted(blocks.base(1, size=1), amplitude=0.5), "amplitude: .* 0.5"),
+        (lambda: blocks.distorted(caps.base(1, size=1), amplitude=0.5), "amplitude: .* 0.5"),
     ],
 )
 def test_bad_arguments_are_named(call, message):

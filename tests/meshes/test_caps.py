@@ -9,6 +9,7 @@ import pytest
 from meshes.hexmesh import boundary
 from meshes.quality import quality
 from meshes.shapes import caps
+from meshes.spacing import zoned
 from meshes.tags import Tag
 
 PLAN = caps.Footing((-0.03, 0.05), (0.0, 0.02), (-0.004, 0.01), (0.0, 0.003), 0.02, 0.001)
@@ -21,7 +22,7 @@ def surface(mesh, tag: Tag) -> np.ndarray:
 
 def test_zone_is_uniform_and_grows_outside():
     """Edges of at most the size in the zone, next ones larger by growth, ends exact."""
-    x = caps.zoned("x", (-0.03, 0.05), (-0.004, 0.01), 0.001, 1.3)
+    x = zoned("x", (-0.03, 0.05), (-0.004, 0.01), 0.001, 1.3)
     assert x[0] == -0.03 and x[-1] == 0.05
     edges, middle = np.diff(x), (x[1:] + x[:-1]) / 2
     inside = (middle > -0.004) & (middle < 0.01)

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A HexMesh as a distributed DOLFINx mesh: same nodes, cells, regions; serial and on ranks."""
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -75,13 +72,9 @@ def test_regions_and_cells_keep_their_shape(domain):
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="is itself on ranks")
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_all_this_also_holds_on_ranks(ranks):
+def test_all_this_also_holds_on_ranks(tests_on, ranks):
     """The other tests of this file under ``mpiexec``."""
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec if mpiexec.exists() else "mpiexec", "-n", str(ranks)]
-    command += [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = tests_on(ranks, __file__)
     assert done.stdout.count(" passed") == ranks
 
 

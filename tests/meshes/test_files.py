@@ -2,7 +2,6 @@
 """Meshes from and to files: nothing is lost, what cannot be used is refused and told, same runs."""
 
 import json
-import subprocess
 import sys
 import tomllib
 from dataclasses import replace
@@ -25,7 +24,6 @@ from workflow.model.geometry import mesh_of
 from workflow.scene.scene import SceneError
 
 ARRAYS = ("points", "cells", "regions", "facets", "surfaces")
-MPIEXEC = Path(sys.executable).with_name("mpiexec")
 
 # Two cubes side by side as gmsh 4.1 writes them, in mm; the name "skin" is a volume and a surface,
 # volume 2 is in two groups and node 13 belongs to nothing.
@@ -321,13 +319,12 @@ def scene_by_file(folder: Path, name: str, ending: str = ".msh", **changes) -> P
     return path
 
 
-def run_of(scene: str | Path, out: Path, ranks: int = 1, *changes: str) -> dict[str, np.ndarray]:
+def run_of(
+    command, scene: str | Path, out: Path, ranks: int = 1, *changes: str
+) -> dict[str, np.ndarray]:
     """Run a scene by the command line and return its history."""
-    command = [sys.executable, "-m", "workflow.cli", "run", str(scene), "--out", str(out)]
-    command += [w for change in changes for w in ("--set", change)]
-    command = [*([str(MPIEXEC), "-n", str(ranks)] if ranks > 1 else []), *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
+    words = [w for change in changes for w in ("--set", change)]
+    command("run", scene, "--out", out, "--ranks", ranks, *words)
     with h5py.File(out / "results.h5") as file:
         return {name: data[:] for name, data in file["history"].items()}
 
@@ -335,13 +332,13 @@ def run_of(scene: str | Path, out: Path, ranks: int = 1, *changes: str) -> dict[
 @pytest.mark.mpi
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bar-impact", "hertz"])
-def test_same_run_from_a_file(tmp_path, name):
+def test_same_run_from_a_file(command, tmp_path, name):
     """Forces and energies of the built-in scene and of its exported mesh, on 1 and 2 ranks."""
     changes = () if name == "bar-impact" else ("time.end=1e-6",)
     path = scene_by_file(tmp_path, name)
-    here = run_of(name, tmp_path / "a", 1, *changes)
+    here = run_of(command, name, tmp_path / "a", 1, *changes)
     for ranks in (1, 2):
-        there = run_of(path, tmp_path / f"b{ranks}", ranks, *changes)
+        there = run_of(command, path, tmp_path / f"b{ranks}", ranks, *changes)
         force = next(k for k in here if k.endswith("normal_force"))
         assert np.abs(here[force]).max() > 0
         energies = ("kinetic", "internal", "contact")
@@ -354,13 +351,13 @@ def test_same_run_from_a_file(tmp_path, name):
 
 
 @pytest.mark.slow
-def test_result_of_a_mesh_file_runs_again(tmp_path, monkeypatch):
+def test_result_of_a_mesh_file_runs_again(command, tmp_path, monkeypatch):
     """The path is relative to the scene; the result's scene.toml runs from any other folder."""
     path = scene_by_file(tmp_path, "bar-impact", ".vtu")
-    first = run_of(path, tmp_path / "a", 1, "time.end=3e-6")
+    first = run_of(command, path, tmp_path / "a", 1, "time.end=3e-6")
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    again = run_of(tmp_path / "a" / "scene.toml", tmp_path / "b")
+    again = run_of(command, tmp_path / "a" / "scene.toml", tmp_path / "b")
     assert np.array_equal(first["kinetic"], again["kinetic"])
 
 
@@ -448,7 +445,7 @@ def test_export_command(tmp_path, monkeypatch, capfd):
 
 
 @pytest.mark.slow
-def test_names_of_the_file_reach_log_and_figures(tmp_path):
+def test_names_of_the_file_reach_log_and_figures(command, tmp_path):
     """Regions called by no name of squealx: a run, its recorded names, its picture and legend."""
     pytest.importorskip("matplotlib")
     from workflow.figures import style
@@ -464,7 +461,7 @@ def test_names_of_the_file_reach_log_and_figures(tmp_path):
     tables["bodies"]["block"]["regions"] = ["Upper Part"]
     tables["bodies"]["base"]["regions"] = ["plate"]
     (tmp_path / "scene.toml").write_text(tomli_w.dumps(tables))
-    run_of(tmp_path / "scene.toml", tmp_path / "out", 1, "time.end=1e-6")
+    run_of(command, tmp_path / "scene.toml", tmp_path / "out", 1, "time.end=1e-6")
     record = Record(tmp_path / "out")
     assert sorted(record.body.names.values()) == ["plate", "upper part"]
     with style.style():

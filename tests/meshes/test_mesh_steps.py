@@ -22,7 +22,9 @@ LEAST[1e-3] = (95e-9, 125e-9)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", LEAST)
+@pytest.mark.parametrize(
+    "size", [pytest.param(s, marks=pytest.mark.long) if s < 2e-3 else s for s in LEAST]
+)
 @pytest.mark.parametrize("body", [wheelset, rail])
 def test_steps(body, size):
     """The target at 1 mm is 95 ns for any cell alone and 125 ns for the whole; coarser meshes more.

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from meshes.profiles.from_points import from_points
+from meshes.profiles.measured import from_points
 from meshes.profiles.outline import gap_function, outline
 from meshes.profiles.placement import lateral_shift_for, place, placed, rail_in_track
 from meshes.profiles.profiles import rail_54e1, s1002, shifted

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from meshes.profiles.from_points import from_csv, from_points
+from meshes.profiles.measured import from_csv, from_points
 from meshes.profiles.placement import rail_in_track
 from meshes.profiles.profiles import RAILS, inclined, rail, rail_54e1, s1002
 

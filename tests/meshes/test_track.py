@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from meshes.generate.refine import edges_of, trisect
-from meshes.hexmesh import FACES, boundary
-from meshes.profiles.from_points import from_points
+from meshes.generate.refine import trisect
+from meshes.hexmesh import FACES, boundary, edges_of
+from meshes.profiles.measured import from_points
 from meshes.profiles.placement import rail_in_track
 from meshes.profiles.profiles import rail_54e1
 from meshes.quality import cell_volumes, quality

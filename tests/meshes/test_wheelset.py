@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshes.hexmesh import FACES, boundary
-from meshes.profiles.from_points import from_points
+from meshes.profiles.measured import from_points
 from meshes.profiles.placement import lateral_shift_for, placed
 from meshes.profiles.profiles import s1002
 from meshes.quality import cell_volumes, quality

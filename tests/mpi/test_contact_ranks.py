@@ -2,7 +2,6 @@
 """The same contact on one rank and on two: forces, energies, footprints."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -68,15 +67,11 @@ def drive(comm, **options):
 
 @pytest.mark.mpi
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts mpiexec itself")
-def test_two_ranks_equal_one(tmp_path):
+def test_two_ranks_equal_one(mpirun, tmp_path):
     """Forces, energies and footprints on 1 and 2 ranks agree to round-off; ranks hold the same."""
-    mpiexec = Path(sys.executable).parent / "mpiexec"
-    here = Path(__file__)
-    subprocess.run(
-        [str(mpiexec), "-n", "2", sys.executable, str(here), str(tmp_path)],
-        check=True, timeout=60, cwd=here.parents[2],
-        env=os.environ | {"PYTHONPATH": str(here.parents[2])},
-    )  # fmt: skip
+    root = Path(__file__).parents[2]
+    path = os.environ | {"PYTHONPATH": str(root)}
+    mpirun(2, __file__, tmp_path, timeout=60, cwd=root, env=path)
     for case, options in CASES.items():
         serial = drive(MPI.COMM_SELF, **options)
         ranks = [np.load(tmp_path / f"{case}.{r}.npz") for r in range(2)]

@@ -226,27 +226,17 @@ def test_changed_scene_is_refused(tmp_path):
     assert again.summary["energy"] == result.summary["energy"]
 
 
-def test_command_line_resumes(tmp_path):
+def test_command_line_resumes(command, tmp_path):
     """``run --resume --out DIR`` takes the scene from the folder, on two ranks as well."""
     scene = Scene.load("bar-impact", **BAR)
     killed = copied(scene, tmp_path / "whole", 45)
-    command = [
-        sys.executable,
-        "-m",
-        "workflow.cli",
-        "run",
-        "--resume",
-        "--out",
-        str(killed),
-    ]
-    done = subprocess.run([*command, "--ranks", "2", "--json"], capture_output=True, check=True)
+    done = command("run", "--resume", "--out", killed, "--ranks", 2, "--json")
     summary = json.loads(done.stdout)
     assert summary["ranks"] == 2 and summary["status"] == "done"
     a, b = arrays(tmp_path / "whole" / "results.h5"), arrays(killed / "results.h5")
     for key in ("history/wall_normal_force", "history/kinetic", "history/internal"):
         np.testing.assert_allclose(b[key], a[key], rtol=1e-9, atol=1e-9 * np.abs(a[key]).max())
-    nowhere = [*command[:-1], str(tmp_path / "nowhere")]
-    failed = subprocess.run(nowhere, capture_output=True, check=False, text=True)
+    failed = command("run", "--resume", "--out", tmp_path / "nowhere", check=False)
     assert failed.returncode == 2 and "scene.toml to resume" in failed.stderr
 
 

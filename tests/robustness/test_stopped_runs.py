@@ -2,19 +2,10 @@
 """Runs that are refused or go wrong: exit codes, messages and what is left, as users meet them."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 from workflow.results.record import Record
-
-
-def squealx(*words, timeout: float = 60) -> subprocess.CompletedProcess:
-    """The command in a process of its own."""
-    command = [sys.executable, "-m", "workflow.cli", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
-
 
 BAD = {
     "angle": (
@@ -34,10 +25,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_exits_with_2(tmp_path, case):
+def test_bad_input_exits_with_2(command, tmp_path, case):
     """One line that names the key, what it got and what it expects; no results are left."""
     (scene, change), message = BAD[case]
-    done = squealx("run", scene, "--set", change, "--out", tmp_path / "out", "--json")
+    done = command("run", scene, "--set", change, "--out", tmp_path / "out", "--json", check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert message in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "out" / "summary.json").exists()
@@ -58,11 +49,12 @@ STOPS = {
 
 @pytest.mark.parametrize("case", STOPS)
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.mpi)])
-def test_a_run_gone_wrong_exits_with_3_and_keeps_its_results(tmp_path, case, ranks):
+def test_a_run_gone_wrong_exits_with_3_and_keeps_its_results(command, tmp_path, case, ranks):
     """A contact spring 2000 times too stiff, and a step 8 % over the limit with the guard off."""
     scene, changes, messages = STOPS[case]
     words = [word for change in changes for word in ("--set", change)]
-    done = squealx("run", scene, *words, "--ranks", ranks, "--out", tmp_path / "out")
+    out = tmp_path / "out"
+    done = command("run", scene, *words, "--ranks", ranks, "--out", out, check=False)
     assert done.returncode == 3 and "Traceback" not in done.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     for message in messages:

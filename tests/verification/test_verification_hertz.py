@@ -2,9 +2,9 @@
 """Verification of smooth bodies that touch: rows 13 (Hertz), 14 (Cattaneo-Mindlin), 17 (impact)."""
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
-
-from mpi4py import MPI
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,19 +22,19 @@ from contact.theory.closed_forms import (
     sphere_impact_time,
     stick_radius_ratio,
 )
+from tests.scripts import measured, numbers
 from workflow import Scene, run
-from workflow.model.model import Model, build
-from workflow.simulation.initial import start
+from workflow.model.model import Model
 
 E, NU = 210e9, 0.3
 MODULUS = contact_modulus(E, NU, E, NU)
 
 
-def resting(scene: str, **changes) -> Model:
-    """A scene brought to rest."""
-    model = build(Scene.load(scene, **changes), MPI.COMM_SELF)
-    start(model, lambda line: None)
-    return model
+Watch = Callable[[Model], Any]
+
+
+def unwatched(model: Model) -> None:
+    """Nobody else looks on."""
 
 
 def nearer(model: Model, depth: float) -> float:
@@ -42,7 +42,7 @@ def nearer(model: Model, depth: float) -> float:
     x, u = model.domain.V.tabulate_dof_coordinates(), model.state.u.x.array.reshape(-1, 3)
     moved = 0.0
     for side, body in zip((1, -1), model.scene.bodies, strict=True):
-        dofs = model.body_dofs(body)
+        dofs = model.bodies.dofs(body)
         axis = dofs[np.hypot(x[dofs, 0], x[dofs, 1]) < 1e-9]
         axis = axis[np.argsort(x[axis, 2])]
         moved -= side * np.interp(side * depth, x[axis, 2], u[axis, 2])
@@ -96,7 +96,7 @@ def sinking(depth: float) -> float:
     return float((1 + NU) / E * quad(ring, 0, HERTZ.a)[0])
 
 
-def sphere(**changes) -> dict:
+def sphere(resting, **changes) -> dict:
     """The scene hertz at rest: errors of load, pressure, radius (in cells) and approach."""
     model = resting("hertz", **changes)
     depth = 2 * HERTZ.a
@@ -116,25 +116,25 @@ def test_row_13_sinking_of_the_surface_is_half_the_approach():
     assert 2 * sinking(1e-9) == pytest.approx(HERTZ.approach, rel=1e-5)
 
 
-def test_row_13_hertz():
+def test_row_13_hertz(resting):
     """p₀ 3 %, a half a cell (farthest node that touches), approach 1 %; load 1e-4."""
-    found = sphere()
+    found = sphere(resting)
     assert found["load"] == pytest.approx(0, abs=1e-4)
     assert found["p0"] == pytest.approx(0, abs=0.03)
     assert found["radius"] == pytest.approx(0, abs=0.5)
     assert found["approach"] == pytest.approx(0, abs=0.01)
 
 
-def test_row_13_hertz_error_falls_with_size_and_with_the_penalty_spring():
+def test_row_13_hertz_error_falls_with_size_and_with_the_penalty_spring(resting):
     """Pressure inside 0.7 a and approach: 1 mm, 0.5 mm, 0.25 mm; what is left is penetration.
 
     With a spring 6 times stiffer p₀ and approach are within 0.3 % at 0.25 mm.
     """
-    found = [sphere(**{"mesh.size": size}) for size in (1e-3, 5e-4, 2.5e-4)]
+    found = [sphere(resting, **{"mesh.size": size}) for size in (1e-3, 5e-4, 2.5e-4)]
     approach = np.abs([f["approach"] for f in found])
     assert (approach[1:] < 0.6 * approach[:-1]).all()
     assert found[2]["pressure"] < 0.5 * found[0]["pressure"]
-    stiff = sphere(**{"time.safety": 0.1})
+    stiff = sphere(resting, **{"time.safety": 0.1})
     assert stiff["penetration"] < found[2]["penetration"] / 5
     assert abs(stiff["approach"]) < 0.003 and abs(stiff["p0"]) < 0.003
 
@@ -154,7 +154,7 @@ def test_row_13_stays_at_rest_when_stepped(tmp_path):
 # row 13, cylinder
 
 
-def cylinder(**changes) -> dict:
+def cylinder(resting, **changes) -> dict:
     """The scene hertz-cylinder at rest: as for the sphere; approach of points 2 a away."""
     model = resting("hertz-cylinder", **changes)
     mesh = model.scene.mesh
@@ -169,9 +169,9 @@ def cylinder(**changes) -> dict:
     }
 
 
-def test_row_13_cylinder():
+def test_row_13_cylinder(resting):
     """p₀ 1 %, a half a cell and 1 %, approach of points 2 a from the contact 1 %; load 1e-4."""
-    found = cylinder()
+    found = cylinder(resting)
     assert found["load"] == pytest.approx(0, abs=1e-4)
     assert found["p0"] == pytest.approx(0, abs=0.01)
     assert found["a"] == pytest.approx(0, abs=0.01)
@@ -179,17 +179,17 @@ def test_row_13_cylinder():
     assert found["approach"] == pytest.approx(0, abs=0.01)
 
 
-def test_row_13_cylinder_error_falls_with_size():
+def test_row_13_cylinder_error_falls_with_size(resting):
     """p₀ and pressure inside 0.7 a at 0.8, 0.4 and 0.2 mm; first order, as the penalty spring's."""
-    found = [cylinder(**{"mesh.size": size}) for size in (8e-4, 4e-4, 2e-4)]
+    found = [cylinder(resting, **{"mesh.size": size}) for size in (8e-4, 4e-4, 2e-4)]
     for key in ("p0", "pressure"):
         errors = np.abs([f[key] for f in found])
         assert (errors[1:] < 0.75 * errors[:-1]).all()
 
 
-def test_row_13_cylinder_on_other_cells():
+def test_row_13_cylinder_on_other_cells(resting):
     """Cells of 0.23 mm below those of 0.2 mm: scatter of nodal pressures 2.5 % rms, a to 1 %."""
-    found = cylinder(**{"mesh.base_size": 2.3e-4})
+    found = cylinder(resting, **{"mesh.base_size": 2.3e-4})
     assert found["pressure"] < 0.025
     assert found["a"] == pytest.approx(0, abs=0.01)
 
@@ -207,7 +207,7 @@ def table(load: float, crown: float) -> Hertz:
     return Hertz(a, b, 1e6 * float(row["p0_MPa"]), approach)
 
 
-def ellipse(**changes) -> dict:
+def ellipse(resting, **changes) -> dict:
     """The scene hertz-ellipse at rest."""
     model = resting("hertz-ellipse", **changes)
     found = pressures(model, table(50000.0, 0.3))
@@ -222,9 +222,9 @@ def test_row_13_table_of_ellipses():
     )
 
 
-def test_row_13_wheel_on_rail_crown():
+def test_row_13_wheel_on_rail_crown(resting):
     """1 mm cells: p₀ 3 %, a and b half a cell and 2 %, load 1e-4."""
-    found = ellipse(**{"mesh.size": 1e-3})
+    found = ellipse(resting, **{"mesh.size": 1e-3})
     assert found["load"] == pytest.approx(0, abs=1e-4)
     assert found["p0"] == pytest.approx(0, abs=0.03)
     for axis in "ab":
@@ -233,9 +233,10 @@ def test_row_13_wheel_on_rail_crown():
 
 
 @pytest.mark.slow
-def test_row_13_wheel_on_rail_crown_fine():
+@pytest.mark.long
+def test_row_13_wheel_on_rail_crown_fine(resting):
     """0.7 mm, as shipped: p₀ 1 %, a and b 0.5 %; pressure better than at 1.4 mm by half."""
-    found, coarse = ellipse(), ellipse(**{"mesh.size": 1.4e-3})
+    found, coarse = ellipse(resting), ellipse(resting, **{"mesh.size": 1.4e-3})
     assert found["p0"] == pytest.approx(0, abs=0.01)
     assert found["a"] == pytest.approx(0, abs=0.005)
     assert found["b"] == pytest.approx(0, abs=0.005)
@@ -247,11 +248,15 @@ def test_row_13_wheel_on_rail_crown_fine():
 FRICTION = 0.3
 
 
-def sheared(folder, **changes) -> dict:
+def sheared(scene: Scene, folder: Path, also: Watch = unwatched) -> dict:
     """The scene cattaneo-mindlin: errors of stick radius (cells) and of the shear traction."""
     kept: list[Model] = []
-    scene = Scene.load("cattaneo-mindlin", **{"output.fields": False}, **changes)
-    result = run(scene, folder, watch=lambda m: kept or kept.append(m), quiet=True)
+
+    def watch(model: Model) -> None:
+        also(model)
+        kept[:] = [model]
+
+    result = run(scene, folder, watch=watch, quiet=True)
     pair = kept[0].pairs["touch"]
     footprint = pair.footprint(stick_tolerance=0.02)
     P, Q = 2 * pair.normal_force, -2 * pair.tangential_force[0]  # of both halves
@@ -271,11 +276,27 @@ def sheared(folder, **changes) -> dict:
     }
 
 
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory) -> tuple[str, dict, Path]:
+    """What the example prints at 0.36 mm, what its run is measured by, its figure."""
+    figure = tmp_path_factory.mktemp("shear") / "shear.png"
+    return *measured("cattaneo_mindlin.py", 0.36, figure, by=sheared), figure
+
+
 @pytest.mark.slow
-def test_row_14_cattaneo_mindlin(tmp_path):
+def test_cattaneo_mindlin_ends_on_the_stick_radius(coarse):
+    """The example: to one cell of 0.36 mm; a figure."""
+    text, _, figure = coarse
+    found, exact = numbers(text, "stick")
+    assert abs(found - exact) < 0.36
+    assert figure.stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_row_14_cattaneo_mindlin(coarse, tmp_path):
     """0.36 and 0.25 mm: c to half a cell; q 10 and 5 % rms of its peak; ledger; Q is 0.77 μP."""
-    coarse = sheared(tmp_path / "coarse", **{"mesh.size": 3.6e-4})
-    fine = sheared(tmp_path / "fine")
+    coarse = coarse[1]
+    fine = sheared(Scene.load("cattaneo-mindlin", **{"output.fields": False}), tmp_path)
     for found, limit in ((coarse, 0.1), (fine, 0.05)):
         assert 0.7 < found["share"] < 0.85
         assert abs(found["c"]) < 0.5
@@ -287,20 +308,20 @@ def test_row_14_cattaneo_mindlin(tmp_path):
 # row 17
 
 
-def struck(folder, **changes) -> dict:
+def struck(scene: Scene, folder: Path, also: Watch = unwatched) -> dict:
     """The scene sphere-impact: contact time, restitution and largest force over Hertz's."""
     rows: list[tuple] = []
     mass, dofs = np.zeros(0), np.zeros(0, dtype=int)
 
     def watch(model: Model) -> None:
         nonlocal mass, dofs
+        also(model)
         if not rows:
-            dofs = model.body_dofs("ram")
+            dofs = model.bodies.dofs("ram")
             mass = model.mass.array[::3][dofs].copy()
         v = (model.state.v.x.array + model.dt / 2 * model.state.a.array).reshape(-1, 3)
         rows.append((model.state.t, model.pairs["touch"].normal_force, mass @ v[dofs, 2]))
 
-    scene = Scene.load("sphere-impact", **{"output.fields": False}, **changes)
     result = run(scene, folder, watch=watch, quiet=True)
     t, force, momentum = np.array(rows).T
     speed, radius = -scene.bodies["ram"].velocity[2], scene.mesh.radius
@@ -316,10 +337,24 @@ def struck(folder, **changes) -> dict:
     }
 
 
+@pytest.fixture(scope="module")
+def impact() -> tuple[str, dict]:
+    """What the example prints, and what its run is measured by."""
+    return measured("sphere_impact.py", by=struck)
+
+
 @pytest.mark.slow
-def test_row_17_impact(tmp_path):
+def test_sphere_impact_ends_on_hertz(impact):
+    """The example: contact time 2 %, restitution 0.98 at least."""
+    assert 0.98 <= numbers(impact[0], "restitution")[0] <= 1
+    found, exact, *_ = numbers(impact[0], "contact")
+    assert found == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.slow
+def test_row_17_impact(impact):
     """Contact time 2 %, restitution 0.98 at least, largest force 4 %; ledger 1e-3."""
-    found = struck(tmp_path)
+    found = impact[1]
     assert found["time"] == pytest.approx(0, abs=0.02)
     assert 0.98 <= found["restitution"] <= 1
     assert found["force"] == pytest.approx(0, abs=0.04)

@@ -11,7 +11,8 @@ import pytest
 import scipy.linalg
 from dolfinx import la
 
-from forms.springs.connections import Connections, PointMasses
+from forms.springs.connections import Connections
+from forms.springs.point_masses import PointMasses
 from workflow.model.model import Model, build
 from workflow.scene.scene import Scene
 from workflow.simulation.stepping import central_difference

@@ -15,7 +15,7 @@ from ufl import Identity, det, dot, grad, inv
 
 from forms.cells import one_point, uniform
 from forms.elasticity import Elastic, full, green_lagrange
-from forms.elements import LAWS, control_energy, internal_work, strain_energy
+from forms.elements import control_energy, internal_work, strain_energy
 from forms.kernel import CellIntegral
 from forms.mass import lumped_mass
 from forms.materials import Orthotropic
@@ -24,6 +24,7 @@ from forms.time_step import cell_frequency, stable_step
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from meshes.tags import Tag
+from tests.energies import LAWS
 from workflow.model.state import State
 from workflow.simulation.stepping import central_difference, no_hold
 
@@ -34,10 +35,12 @@ INNER, OUTER = 0.4, 0.5
 CASES = [
     ("full", "total-lagrangian", None),
     ("full", "neo-hookean", None),
+    ("full", "energy", None),
     ("one-point", "total-lagrangian", None),
     ("one-point", "total-lagrangian", 0.1),
     ("one-point", "neo-hookean", None),
     ("one-point", "neo-hookean", 0.1),
+    ("one-point", "energy", None),
     ("selective", "neo-hookean", None),
 ]
 
@@ -176,7 +179,7 @@ def spin(case, omega: float, turns: float, *, around=48, through=2, material=STE
     [
         (500.0, 1),
         pytest.param(500.0, 20, marks=pytest.mark.slow),
-        pytest.param(50.0, 3, marks=pytest.mark.slow),
+        pytest.param(50.0, 3, marks=[pytest.mark.slow, pytest.mark.long]),
     ],
 )
 def test_row_7_spinning_ring(case, omega, turns):

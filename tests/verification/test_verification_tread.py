@@ -9,12 +9,15 @@ less by a third of that, which is a creepage of 4e-5 whatever the traction. So a
 less than CONTACT says and a braked one more, and what they have in common is compared with it.
 """
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
+from tests.scripts import measured, numbers
 from workflow import Scene, run
 
 DATA = Path(__file__).parents[1] / "data"
@@ -36,24 +39,34 @@ def test_table_of_contact_is_hertz():
         assert found == pytest.approx((hertz.a, hertz.b, hertz.p0), rel=1e-3)
 
 
+CREEPAGE = TABLE[TABLE["case"] == CASE]["creepage_cksi"][0]
+
+
 @pytest.fixture(scope="module")
-def rolled(tmp_path_factory) -> dict[int, dict]:
+def example(tmp_path_factory) -> tuple[str, dict, Path]:
+    """What the example of the driven wheel prints, what its run is measured by, its figure."""
+    figure = tmp_path_factory.mktemp("tread") / "tread.png"
+    return *measured("tread_rolling.py", "--out", figure, by=roll), figure
+
+
+@pytest.fixture(scope="module")
+def rolled(example, tmp_path_factory) -> dict[int, dict]:
     """The scene driven (1) and braked (-1)."""
-    folder = tmp_path_factory.mktemp("tread")
-    return {way: roll(folder / str(way), way) for way in (1, -1)}
+    spin, shift = [0.0, SPEED * (1 - CREEPAGE) / RADIUS, 0.0], [1e-5, 0.0, 0.0]
+    changes = {"driven.wheel.spin": spin, "driven.wheel.shift": shift, "output.fields": False}
+    braked = Scene.load("tread-rolling", **changes)
+    return {1: example[1], -1: roll(braked, tmp_path_factory.mktemp("braked"))}
 
 
-def roll(folder: Path, way: int) -> dict:
+def roll(scene: Scene, folder: Path, also: Callable[[Any], Any] = lambda model: None) -> dict:
     """Return forces of the last tenth of the way and the nodes of the centre line at its end."""
-    creepage = TABLE[TABLE["case"] == CASE]["creepage_cksi"][0]
-    scene = Scene.load("tread-rolling", **{"output.fields": False})
-    assert scene.driven["wheel"].spin[1] * RADIUS / SPEED - 1 == pytest.approx(creepage)
-    if way < 0:
-        spin, shift = [0.0, SPEED * (1 - creepage) / RADIUS, 0.0], [1e-5, 0.0, 0.0]
-        scene = scene.with_(**{"driven.wheel.spin": spin, "driven.wheel.shift": shift})
+    over = scene.driven["wheel"].spin[1] * RADIUS / SPEED - 1
+    assert abs(over) == pytest.approx(CREEPAGE)
+    way = np.sign(over)
     rows, kept = [], []
 
     def watch(model):
+        also(model)
         pair = model.pairs["touch"]
         kept[:] = [pair]
         rows.append((pair.normal_force, way * pair.tangential_force[0]))
@@ -120,3 +133,14 @@ def test_row_16_tread_traction(rolled):
     modulus = contact_modulus(210e9, 0.3, 210e9, 0.3)
     pressed = hertz_ellipse(1e5, RADIUS, CROWN, modulus).approach / 2
     assert (braked - driven) / 2 / slope == pytest.approx(pressed / 3 / RADIUS, rel=0.15)
+
+
+@pytest.mark.slow
+def test_tread_rolling_ends_on_contact(example):
+    """The example: traction 4 %, stick area 0.04 of the patch; a figure."""
+    text, _, figure = example
+    found, exact, _ = numbers(text, "traction")
+    assert found == pytest.approx(exact, rel=0.04)
+    found, exact = numbers(text, "stick")
+    assert found == pytest.approx(exact, abs=0.04)
+    assert figure.stat().st_size > 10_000

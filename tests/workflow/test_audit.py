@@ -2,9 +2,6 @@
 """``squealx audit``: what it predicts without stepping, against dense algebra and against runs."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 from mpi4py import MPI  # noqa: F401
 
@@ -68,11 +65,11 @@ def test_springs_are_those_of_the_kernel():
     model = at_rest()
     side = model.pairs["face"].passes[0]
     found = springs(side, model.state)
-    c = side.history.touching[: side.active]
+    c = side.contact_state.touching[: side.active]
     nodes = list(found.nodes[:, 0])
     mine = found.mass[[nodes.index(side.contactor.nodes[i]) for i in c]]
     np.testing.assert_allclose(
-        side.options.penalty * mine / model.dt**2, side.history.stiffness[c], rtol=1e-4
+        side.options.penalty * mine / model.dt**2, side.contact_state.stiffness[c], rtol=1e-4
     )
 
 
@@ -186,46 +183,24 @@ def test_slip_waves_of_similar_materials(ratio, there):
         assert STEEL.compliance(c) == pytest.approx(-other.compliance(c), rel=1e-6)
 
 
-def told(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run ``squealx audit``."""
-    command = [sys.executable, "-m", "workflow.cli", "audit", *words]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=120, check=False, cwd=folder
-    )
-
-
 SETS = ["sliding-block", "--set", "mesh.size=0.005", "--set", "mesh.base_size=0.006"]
 
 
-def test_command_line(tmp_path):
+def test_command_line(command, tmp_path, monkeypatch):
     """One JSON object on stdout; bad input exits with 2 and names the key."""
-    done = told(tmp_path, *SETS, "--json")
-    assert done.returncode == 0, done.stderr
+    monkeypatch.chdir(tmp_path)
+    done = command("audit", *SETS, "--json")
     found = json.loads(done.stdout)
     assert {"asked", "critical", "contacts", "cost", "doubts"} <= found.keys()
-    bad = told(tmp_path, "sliding-block", "--set", "contacts.face.penalty=-1")
+    bad = command("audit", "sliding-block", "--set", "contacts.face.penalty=-1", check=False)
     assert bad.returncode == 2 and "contacts.face.penalty" in bad.stderr
 
 
 @pytest.mark.mpi
-def test_two_ranks_say_the_same():
+def test_two_ranks_say_the_same(mpirun):
     """What is asked and where the limits are does not depend on the ranks."""
     one = report(Scene.load("sliding-block", **{"mesh.size": 0.005, "mesh.base_size": 0.006}))
-    beside = Path(sys.executable).with_name("mpiexec")
-    command = [
-        str(beside),
-        "-n",
-        "2",
-        sys.executable,
-        "-m",
-        "workflow.cli",
-        "audit",
-        *SETS,
-    ]
-    done = subprocess.run(
-        [*command, "--json"], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    done = mpirun(2, "-m", "workflow.cli", "audit", *SETS, "--json", timeout=120)
     two = json.loads(done.stdout)
     for table in ("asked", "critical"):
         for key, value in one[table].items():

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Each example runs as a script and ends on its closed form."""
 
-import contextlib
-import io
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -12,24 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-def printed(name: str, *words: object) -> str:
-    """What an example prints, run as a script; in this process, which has its imports already."""
-    out, before = io.StringIO(), sys.argv
-    sys.argv = [str(EXAMPLES / name), *map(str, words)]
-    try:
-        with contextlib.redirect_stdout(out):
-            runpy.run_path(sys.argv[0], run_name="__main__")
-    finally:
-        sys.argv = before
-    return out.getvalue()
+from tests.scripts import EXAMPLES, numbers, printed
 
 
 def test_every_example_is_tested():
-    """A new example needs a test below."""
-    text = Path(__file__).read_text(encoding="utf-8")
+    """A new example needs a test: below, or beside the row whose run it is."""
+    files = Path(__file__).parents[1].glob("*/test_*.py")
+    text = "".join(file.read_text(encoding="utf-8") for file in files)
     assert {p.name for p in EXAMPLES.glob("*.py") if f'"{p.name}"' not in text} == set()
 
 
@@ -59,12 +45,6 @@ def test_own_material_ends_on_mooneys_stress():
     """A rod of Mooney's rubber pulled to twice its length: 2 (Λ² − 1/Λ) (c₁ + c₂/Λ), to c/κ."""
     found = re.search(r"^stress (\d+) Pa", printed("own_material.py"), re.MULTILINE)
     assert found and float(found[1]) == pytest.approx(2 * 3.5 * 0.45e6, rel=3e-3)
-
-
-def numbers(text: str, start: str) -> list[float]:
-    """The numbers on the line of a text that begins with a word."""
-    line = next(line for line in text.splitlines() if line.startswith(start))
-    return [float(word) for word in re.findall(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?", line)]
 
 
 def test_two_bars_ends_on_half_the_impedance():
@@ -128,46 +108,6 @@ def test_slip_weakening_ends_on_its_heat():
     assert heat == pytest.approx(exact, rel=0.005)
 
 
-@pytest.mark.slow
-def test_sphere_impact_ends_on_hertz():
-    """Contact time 2 %, restitution 0.98 at least."""
-    text = printed("sphere_impact.py")
-    assert 0.98 <= numbers(text, "restitution")[0] <= 1
-    found, exact, *_ = numbers(text, "contact")
-    assert found == pytest.approx(exact, rel=0.02)
-
-
-@pytest.mark.slow
-def test_cattaneo_mindlin_ends_on_the_stick_radius(tmp_path):
-    """To one cell of 0.36 mm; a figure."""
-    text = printed("cattaneo_mindlin.py", 0.36, tmp_path / "shear.png")
-    found, exact = numbers(text, "stick")
-    assert abs(found - exact) < 0.36
-    assert (tmp_path / "shear.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_carter_ends_on_his_creepage(tmp_path):
-    """Creepage 3 %, stick zone one cell of 0.3 mm; a figure."""
-    text = printed("carter.py", 7.6e-4, tmp_path / "traction.png")
-    found, exact, _ = numbers(text, "creepage")
-    assert found == pytest.approx(exact, rel=0.03)
-    width, closed = numbers(text, "stick")
-    assert abs(width - closed) <= 0.3
-    assert (tmp_path / "traction.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_tread_rolling_ends_on_contact(tmp_path):
-    """Traction 4 %, stick area 0.04 of the patch; a figure."""
-    text = printed("tread_rolling.py", "--out", tmp_path / "tread.png")
-    found, exact, _ = numbers(text, "traction")
-    assert found == pytest.approx(exact, rel=0.04)
-    found, exact = numbers(text, "stick")
-    assert found == pytest.approx(exact, abs=0.04)
-    assert (tmp_path / "tread.png").stat().st_size > 10_000
-
-
 def test_patch_at_rest_shows_where_hertz_fails(tmp_path):
     """On one arc of the rail half-spaces are Hertz to 2 %; over its end the patch is far longer."""
     text = printed("patch_at_rest.py", "--out", tmp_path / "patches.png")
@@ -177,14 +117,6 @@ def test_patch_at_rest_shows_where_hertz_fails(tmp_path):
     assert shift == 3 and half_space == pytest.approx([a, b, p0], rel=0.02)
     assert rows[0][6] > 2 * rows[0][3]
     assert (tmp_path / "patches.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_kalker_creepage_ends_on_his_coefficient():
-    """c₁₁ of the ellipse of a wheel on a rail crown to 5 %."""
-    line = next(x for x in printed("kalker_creepage.py").splitlines() if x.startswith("c11 "))
-    found, exact = float(line.split()[1].rstrip(",")), float(line.split()[3].rstrip(","))
-    assert found == pytest.approx(exact, rel=0.05)
 
 
 @pytest.mark.slow

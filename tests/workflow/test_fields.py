@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshes.hexmesh import HexMesh, join
-from meshes.shapes import blocks
+from meshes.shapes import blocks, caps
 from meshes.tags import Tag
 from workflow.results.fields import FieldWriter
 
@@ -20,7 +20,7 @@ Pipeline = pytest.importorskip(
 @pytest.fixture
 def mesh() -> HexMesh:
     box = blocks.block((0, 0, 0.1), (1, 1, 1), cells=(2, 3, 4))
-    return join(box, blocks.base(1.0, size=0.5))
+    return join(box, caps.base(1.0, size=0.5))
 
 
 def fields(mesh: HexMesh, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -107,5 +107,5 @@ def test_bad_arguments_are_named(tmp_path, mesh):
     with pytest.raises(ValueError, match=r"t: expected later .* got 0.0 s"):
         writer.append(0.0, u, v)
     with pytest.raises(ValueError, match="expected 27 nodes"):
-        FieldWriter(path, blocks.base(1.0, size=0.5), resume_at=0.0)
+        FieldWriter(path, caps.base(1.0, size=0.5), resume_at=0.0)
     assert times_of(pv.get_reader(path)) == [-1.0, 0.0]

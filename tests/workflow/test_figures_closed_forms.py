@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from workflow.figures.closed_forms import closed_forms
 from workflow.figures.footprint import cell_sizes, outlines
 from workflow.scene.scene import Scene
-from workflow.theory.closed_forms import applied, closed_forms, smooth
+from workflow.theory.smooth import applied, smooth
 
 pytest.importorskip("matplotlib")
 

@@ -2,8 +2,6 @@
 """The report of a mesh: steps against closed forms, sizes, masses, what it writes."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -42,16 +40,10 @@ def test_figure_and_numbers_are_written(tmp_path):
     assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size > 50_000
 
 
-def test_command(tmp_path):
+def test_command(command, tmp_path, monkeypatch):
     """``squealx mesh --json`` prints one object; a bad key leaves with 2 before any meshing."""
-    command = [sys.executable, "-m", "workflow.cli", "mesh", "sliding-block", "--json"]
-    done = subprocess.run(
-        [*command, "--out", tmp_path / "m"], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["cells"] == 776
-    wrong = subprocess.run(
-        [*command, "--set", "mesh.size=-1"],
-        capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path,
-    )  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    words = ("mesh", "sliding-block", "--json")
+    assert json.loads(command(*words, "--out", tmp_path / "m").stdout)["cells"] == 776
+    wrong = command(*words, "--set", "mesh.size=-1", check=False)
     assert wrong.returncode == 2 and "mesh.size = -1" in wrong.stderr

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Supports that are set in motion: their path, the work they do, resume and ranks."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -80,17 +76,10 @@ def test_resumed_in_the_ramp(whole, tmp_path):
     assert_same(whole[0], killed)
 
 
-def test_on_two_ranks(whole, tmp_path):
+def test_on_two_ranks(squealx, whole, tmp_path):
     """The same work and energies, to round-off."""
     folder = whole[0]
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    code = (
-        "import sys; from workflow import Scene, run; "
-        "run(Scene.load(sys.argv[1]), sys.argv[2], quiet=True)"
-    )
-    start = [str(mpiexec) if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-c", code]
-    command = [*start, str(folder / "scene.toml"), str(tmp_path / "two")]
-    subprocess.run(command, check=True, timeout=200)
+    squealx("run", folder / "scene.toml", "--ranks", 2, "--out", tmp_path / "two")
     with h5py.File(folder / "results.h5") as one, h5py.File(tmp_path / "two/results.h5") as two:
         for name in ("external_work", "kinetic", "internal"):
             a, b = one["history"][name][:], two["history"][name][:]

@@ -3,7 +3,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,20 +171,10 @@ def test_interval_stays_and_sampling_may_begin_late(tmp_path):
     assert samples.read(later).t[0] > 42 * DT
 
 
-RANKS = """
-import sys
-from workflow import Scene, run
-run(Scene.load(sys.argv[1]), sys.argv[2], quiet=True)
-"""
-
-
-def test_two_ranks_sample_the_same(sampled, tmp_path):
+def test_two_ranks_sample_the_same(squealx, sampled, tmp_path):
     """Motion and forces as on one, within the growth of round-off."""
     folder, one, _ = sampled
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    start = [str(mpiexec) if mpiexec.exists() else "mpiexec", "-n", "2", sys.executable, "-c"]
-    command = [*start, RANKS, str(folder / "scene.toml"), str(tmp_path / "two")]
-    subprocess.run(command, check=True, timeout=200)
+    squealx("run", folder / "scene.toml", "--ranks", 2, "--out", tmp_path / "two")
     two = samples.read(tmp_path / "two")
     np.testing.assert_array_equal(one.t, two.t)
     for name, motion in one.motion.items():

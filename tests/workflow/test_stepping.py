@@ -6,7 +6,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.springs.connections import Connections, PointMasses
+from forms.springs.connections import Connections
+from forms.springs.point_masses import PointMasses
 from workflow.model.model import Model, build
 from workflow.model.supports import Supports
 from workflow.scene.scene import Scene

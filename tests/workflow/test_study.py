@@ -25,11 +25,15 @@ pytest.importorskip("snakemake")
 QUICK = {"time": {"end": 4e-6, "output_interval": 1e-6}, "mesh": {"size": 2.5e-3}}
 
 
-def squealx(*words):
-    """The command in a process of its own: exit code, stdout, stderr."""
-    command = [sys.executable, "-m", "workflow.cli", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    return done.returncode, done.stdout, done.stderr
+@pytest.fixture
+def told(command):
+    """Run the command in this process: exit code, stdout, stderr."""
+
+    def call(*words):
+        done = command(*words, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    return call
 
 
 @pytest.fixture
@@ -145,20 +149,20 @@ def test_built_in_studies_are_valid(name):
     assert set(asked.compare) <= set(COMPARISONS)
 
 
-def test_bad_input_exits_with_two_and_writes_nothing(written, tmp_path):
+def test_bad_input_exits_with_two_and_writes_nothing(told, written, tmp_path):
     """All scenes are checked before anything is done; an unknown study names those that are."""
     path = written(scene="bar-wave", set=QUICK, vary={"mesh.size": [5e-3, 0.0]})
-    code, out, err = squealx("study", path, "--out", tmp_path / "out")
+    code, out, err = told("study", path, "--out", tmp_path / "out")
     assert (code, out) == (2, "") and "run size=0.0: mesh.size = 0.0" in err
     assert not (tmp_path / "out").exists()
-    code, _, err = squealx("study", "nowhere")
+    code, _, err = told("study", "nowhere")
     assert code == 2 and all(name in err for name in study.names())
 
 
-def test_dry_run_lists_and_writes_nothing(written, tmp_path):
+def test_dry_run_lists_and_writes_nothing(told, written, tmp_path):
     """Names, parameters and state of every run."""
     path = written(scene="bar-wave", set=QUICK, vary={"time.safety": [0.5, 0.9]})
-    code, out, _ = squealx("study", path, "--out", tmp_path / "out", "--dry-run", "--json")
+    code, out, _ = told("study", path, "--out", tmp_path / "out", "--dry-run", "--json")
     found = json.loads(out)
     assert code == 0 and not (tmp_path / "out").exists()
     assert [run["run"] for run in found["runs"]] == ["safety=0.5", "safety=0.9"]
@@ -166,14 +170,14 @@ def test_dry_run_lists_and_writes_nothing(written, tmp_path):
     assert {run["state"] for run in found["runs"]} == {"to do"}
 
 
-def test_studies_are_listed():
+def test_studies_are_listed(told):
     """As JSON, with their titles."""
-    code, out, _ = squealx("studies", "--json")
+    code, out, _ = told("studies", "--json")
     assert code == 0 and list(json.loads(out)) == study.names()
 
 
 @pytest.mark.slow
-def test_a_failing_run_does_not_stop_the_others_and_is_told(written, tmp_path):
+def test_a_failing_run_does_not_stop_the_others_and_is_told(told, written, tmp_path):
     """Exit 3; the others are done and compared; done again, only what is missing is tried.
 
     A penalty far over the limit blows the bar up, which the guards find.
@@ -185,7 +189,7 @@ def test_a_failing_run_does_not_stop_the_others_and_is_told(written, tmp_path):
         runs=[{"name": "wild", "time": {"safety": 1.1}} | wall, {"name": "fine"}],
         compare=["error_against_time"],
     )
-    code, out, err = squealx("study", path, "--out", tmp_path / "out", "--json")
+    code, out, err = told("study", path, "--out", tmp_path / "out", "--json")
     found = json.loads(out)
     by_name = {run["run"]: run for run in found["runs"]}
     assert code == 3 and out.count("\n") == 1
@@ -197,13 +201,13 @@ def test_a_failing_run_does_not_stop_the_others_and_is_told(written, tmp_path):
     assert [row["run"] for row in rows] == ["wild", "fine"]
     assert float(rows[1]["steps"]) == by_name["fine"]["steps"]
     made = (tmp_path / "out" / "runs" / "fine" / "summary.json").stat().st_mtime_ns
-    code, _, err = squealx("study", path, "--out", tmp_path / "out")
+    code, _, err = told("study", path, "--out", tmp_path / "out")
     assert code == 3 and "2 runs, 1 done before, 1 to do" in err
     assert (tmp_path / "out" / "runs" / "fine" / "summary.json").stat().st_mtime_ns == made
 
 
 @pytest.mark.slow
-def test_a_killed_study_goes_on(written, tmp_path):
+def test_a_killed_study_goes_on(told, written, tmp_path):
     """Killed with its runs in the middle of one; started again it goes on from the checkpoint.
 
     The history is bitwise that of the same scene run alone.
@@ -234,11 +238,11 @@ def test_a_killed_study_goes_on(written, tmp_path):
         process.communicate()
     assert not folder.done(out, "safety=0.4")
     assert folder.state(out, "safety=0.4") == "begun"
-    code, _, err = squealx("study", path, "--out", out)
+    code, _, err = told("study", path, "--out", out)
     assert code == 0 and "1 runs, 0 done before, 1 to do" in err
     assert "resumed at step" in (run / "run.log").read_text(encoding="utf-8")
     alone = tmp_path / "alone"
-    assert squealx("run", out / "scenes" / "safety=0.4.toml", "--out", alone)[0] == 0
+    assert told("run", out / "scenes" / "safety=0.4.toml", "--out", alone)[0] == 0
     for name, column in Record(alone).history.items():
         np.testing.assert_array_equal(column, Record(run).history[name])
 

@@ -10,6 +10,7 @@ from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow.audit.limits import PassSprings
 from workflow.model.bodies import isotropic
 from workflow.model.model import Model
+from workflow.model.regions import body_at
 from workflow.scene.bodies import Isotropic
 
 SOFT = 0.05  # penetration over the cell
@@ -134,11 +135,8 @@ def _half_spaces(model: Model, name: str) -> tuple[HalfSpace, HalfSpace] | None:
 
 def _behind(model: Model, node: int) -> HalfSpace:
     """Return the material at a mesh node."""
-    source = model.domain.source
-    region = int(source.regions[int(np.flatnonzero((source.cells == node).any(axis=1))[0])])
-    bodies = model.scene.bodies.items()
-    name = next(n for n, b in bodies if region in model.bodies.tags(b))
-    m = isotropic(model.bodies.materials[name])
+    body = body_at(model.scene, model.domain.source, node)
+    m = isotropic(model.bodies.materials[body])
     return HalfSpace(m.E / (2 * (1 + m.nu)), m.nu, m.rho)
 
 

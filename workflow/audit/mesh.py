@@ -11,13 +11,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from forms.mass import lumped_mass
 from forms.time_step import cell_frequencies
 from meshes.arrays import Array
-from meshes.generate.refine import edges_of
 from meshes.hexmesh import HexMesh, boundary
 from meshes.quads import enclosed_volume
-from meshes.quality import cell_volumes, scaled_jacobians
+from meshes.quality import cell_volumes, edge_lengths, scaled_jacobians
 from workflow.model.bodies import Bodies
 from workflow.model.geometry import domain_of
 from workflow.model.step import step_bound
@@ -61,8 +59,7 @@ class MeshReport:
     @property
     def edges(self) -> Array:
         """Lengths of all edges, shape ``(e,)`` [m]."""
-        ends = self.mesh.points[edges_of(self.mesh.cells)[0]]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        return edge_lengths(self.mesh.points, self.mesh.cells)
 
     @property
     def stiffest(self) -> npt.NDArray[np.int64]:
@@ -89,8 +86,7 @@ def report(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> MeshR
     frequencies = np.empty(len(mesh.cells))
     own = cell_frequencies(domain.V, bodies.internal_work, bodies.mass)
     frequencies[domain.msh.topology.original_cell_index[: len(own)]] = own
-    densities = {bodies.tags(b): b.material.density for b in scene.bodies.values()}
-    mass = lumped_mass(domain.V, bodies.dx, densities)
+    mass = bodies.lumped_mass()
     volume = cell_volumes(mesh.points, mesh.cells)
     counted = {}
     for name, body in scene.bodies.items():
@@ -118,10 +114,7 @@ def summary(found: MeshReport) -> dict[str, Any]:
         "cells": len(found.mesh.cells),
         "nodes": len(found.mesh.points),
         "bodies": {n: {"cells": c, "mass": m} for n, (c, m) in found.bodies.items()},
-        "regions": {
-            found.mesh.name(int(tag)): int(count)
-            for tag, count in zip(*np.unique(found.mesh.regions, return_counts=True), strict=True)
-        },
+        "regions": found.mesh.counts(found.mesh.regions),
         "edges": {"shortest": float(edges.min()), "longest": float(edges.max())},
         "scaled_jacobian": {
             "smallest": float(shapes.min()),

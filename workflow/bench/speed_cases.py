@@ -274,7 +274,7 @@ def contact(sizes: list[int], count: int) -> dict[str, Any]:
             "apart": partial(apart.add, away, force),
         }
         times = rounds(calls, count, inner=CONTACT_CALLS)
-        nodes = len(touching.passes[0].near.item)
+        nodes = len(touching.passes[0].candidates.item)
         found.append(
             {
                 "nodes": nodes,

@@ -4,9 +4,10 @@
 import contextlib
 import math
 import os
+from collections.abc import Iterator
 from importlib.metadata import version as package_version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -29,6 +30,9 @@ from workflow.cli.options import (
 )
 from workflow.scene.scene import Scene, SceneError, names
 from workflow.simulation.ranks import in_mpi
+
+if TYPE_CHECKING:
+    from workflow.results.table import Table
 
 app = typer.Typer(
     help="Explicit finite elements for wheel-rail rolling contact. A scene (TOML, SI units) goes "
@@ -97,7 +101,16 @@ def run(
 
     result = run_scene(checked, folder, resume=resume)
     if MPI.COMM_WORLD.rank == 0:
-        answer(as_json, result.summary, lambda: [summary_table(result.summary, folder)])
+        answer(as_json, result.summary, lambda: tables(result.summary, folder))
+
+
+def tables(summary: dict[str, Any], folder: Path) -> Iterator["Table"]:
+    """Yield the summary of a run and, where theory has answers, both side by side."""
+    from workflow.theory.quantity import answers
+
+    yield summary_table(summary, folder)
+    if (beside := answers(summary["expected"])) is not None:
+        yield beside
 
 
 def summary_table(summary: dict[str, Any], folder: Path) -> Any:

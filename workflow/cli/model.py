@@ -95,12 +95,12 @@ def mesh(
 ) -> None:
     """Make the mesh of a scene and show its sizes, its shapes and which cells set the step."""
     checked = load(scene, changes)
+    from workflow.audit import figures
     from workflow.audit import mesh as quality
-    from workflow.audit.figures import write
 
     found = quality.report(checked, progress())
     folder = out or Path("runs") / f"mesh-{checked.name}"
-    paths = write(found, folder)
+    paths = figures.write(found, folder)
     answer(as_json, quality.summary(found), lambda: [*quality.printout(found), *map(str, paths)])
 
 

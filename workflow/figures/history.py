@@ -8,9 +8,9 @@ import numpy as np
 
 from meshes.arrays import Array
 from workflow.figures import style
+from workflow.figures.closed_forms import closed_forms
 from workflow.figures.shear import FEWEST
 from workflow.results.record import STEEP, Contact, Record
-from workflow.theory.closed_forms import closed_forms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshes.arrays import Array
 from workflow.figures import style
 from workflow.results.record import PatchNodes, Record
-from workflow.theory.closed_forms import Smooth, checked, smooth
+from workflow.theory.smooth import Smooth, smooth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +86,7 @@ def _traction(
     """
     from contact.theory.closed_forms import carter_stick_ratio, carter_traction, cattaneo_mindlin
 
-    scene = checked(record)
+    scene = record.checked
     friction = next(iter(scene.contacts.values())).friction
     resultant = patch.tangential_forces[:, 0].sum()
     P, Q = bodies.whole(patch.normal_force), bodies.whole(abs(resultant))

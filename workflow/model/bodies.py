@@ -13,13 +13,14 @@ from forms.cells import one_point
 from forms.elasticity import Elastic, exact, full
 from forms.elements import LAWS, Law
 from forms.kernel import Array, CellIntegral, CellKernel
+from forms.mass import lumped_mass
 from forms.rank_sums import gathered, own_part
 from forms.viscosity import bulk_viscosity, tangent_viscosity
+from meshes.arrays import Dofs
 from meshes.domain import Domain
 from workflow.model.geometry import cell_size
-from workflow.model.regions import Dofs, nodes_of
 from workflow.model.state import State
-from workflow.scene import Scene
+from workflow.scene import Scene, SceneError
 from workflow.scene.bodies import Body, Isotropic
 
 
@@ -46,8 +47,14 @@ class Bodies:
         return self.domain.source.tags(body.regions)
 
     def dofs(self, name: str) -> Dofs:
-        """Return the owned dof blocks of a body."""
-        return nodes_of(self.domain, self.scene.bodies[name].regions)
+        """Return the owned dof blocks of the body called ``name``."""
+        return self.domain.region_dofs(self.scene.bodies[name].regions)
+
+    def lumped_mass(self) -> Array:
+        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
+        bodies = self.scene.bodies.values()
+        densities = {self.tags(body): body.material.density for body in bodies}
+        return lumped_mass(self.domain.V, self.dx, densities)
 
     def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
         """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
@@ -222,8 +229,16 @@ class InternalForce:
 
 
 def law(body: Body) -> Law:
-    """Return the material law of a body."""
-    return LAWS["neo-hookean" if body.material.law == "neo-hookean" else body.kinematics]
+    """Return the material law of a body; that of its kinematics for linear materials.
+
+    Raises:
+        SceneError: if the law is not in :data:`forms.elements.LAWS`.
+    """
+    linear = body.material.law in ("hooke", "orthotropic")
+    name = body.kinematics if linear else body.material.law
+    if name not in LAWS:
+        raise SceneError(f"material.law = {name!r}: expected one of {['hooke', *LAWS]}")
+    return LAWS[name]
 
 
 def isotropic(constants: Any) -> Elastic:

@@ -4,8 +4,8 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.model.bodies import Bodies, isotropic
 from workflow.scene import SceneError
 from workflow.scene.contacts import law_of
@@ -13,8 +13,6 @@ from workflow.scene.settings import Contact, RigidWall
 
 if TYPE_CHECKING:
     from contact.surface import Surface
-
-Array = npt.NDArray[np.float64]
 
 
 def bulk_moduli(bodies: Bodies) -> dict[int, float]:

@@ -1,29 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Mesh of a scene: made on rank 0, distributed by DOLFINx."""
+"""Mesh of a scene, made or read on one rank and distributed by DOLFINx; mesh files of a scene.
 
-from collections.abc import Callable
+A wheel on a rail comes with its placement, and is kept on disk for the next run.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
+from meshes import profiles
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
+from meshes.quality import edge_lengths, quality
+from meshes.shapes import blocks, caps
 from meshes.tags import Tag
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
-    from meshes.profiles.from_points import Kind
-    from meshes.profiles.placement import Placement
-    from meshes.profiles.profiles import Profile
-import json
-from collections.abc import Iterator
-from dataclasses import dataclass
-
-import numpy.typing as npt
+    from meshes.profiles.measured import Kind
 
 
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
@@ -48,16 +50,11 @@ def cell_size(scene: Scene, mesh: HexMesh) -> float:
     """Return the edge of the cells where bodies touch [m]; of a file, its shortest if not told."""
     if scene.mesh.size is not None:
         return scene.mesh.size
-    from meshes.generate.refine import edges_of
-
-    edges, _ = edges_of(mesh.cells)
-    return float(np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1).min())
+    return float(edge_lengths(mesh.points, mesh.cells).min())
 
 
 def shape_of(mesh: HexMesh) -> str:
     """Return the size of a mesh and the shape of its cells in words, for the log."""
-    from meshes.quality import quality
-
     q = quality(mesh)
     return (
         f"{q.cells} cells, {q.nodes} nodes, edges {q.shortest * 1e3:.2f} to "
@@ -71,11 +68,7 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     if isinstance(mesh, WheelRailMesh):
         return cached_wheel_on_rail(scene, mesh, log)
     if isinstance(mesh, FileMesh):
-        pass
-
         return mesh_from_file(scene, mesh, log)
-    from meshes.shapes import blocks
-
     if isinstance(mesh, BarMesh):
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
     if isinstance(mesh, BlocksMesh):
@@ -83,14 +76,12 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     if isinstance(mesh, CurvedMesh):
         return curved_on_curved(mesh), None
     assert isinstance(mesh, CapMesh)
-    cap = blocks.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
-    return join(cap, blocks.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
+    cap = caps.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
+    return join(cap, caps.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
 
 
 def block_on_base(mesh: BlocksMesh) -> HexMesh:
     """Return a block that rests near the start of a longer base, free to slide in +x."""
-    from meshes.shapes import blocks
-
     (length, width, height), (base_length, base_width, depth) = mesh.block, mesh.base
     start = (base_width - width) / 2
     upper = blocks.block(
@@ -111,8 +102,6 @@ def block_on_base(mesh: BlocksMesh) -> HexMesh:
 
 def curved_on_curved(mesh: CurvedMesh) -> HexMesh:
     """Return two curved bodies that touch at the origin."""
-    from meshes.shapes import caps
-
     fine = mesh.fine_y or mesh.y
     shape = (mesh.x, mesh.y, mesh.fine_x, fine)
     upper = caps.Footing(*shape, mesh.height, mesh.size, mesh.growth, mesh.layers)
@@ -153,39 +142,36 @@ def check_profiles(scene: Scene) -> None:
         placement_of(scene)
 
 
-def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "Profile":
+def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> profiles.Profile:
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
-    from meshes.profiles import from_points, profiles
-
     built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
     if name in built_in:
         return profiles.s1002() if kind == "wheel" else profiles.rail(name)
     try:
-        return from_points.from_csv(name, kind=kind, smoothing=smoothing)
+        return profiles.from_csv(name, kind=kind, smoothing=smoothing)
     except (ValueError, OSError) as error:
         expected = f"expected one of {', '.join(built_in)} or a CSV file"
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
 
 
-def profiles_of(mesh: WheelRailMesh) -> "tuple[Profile, Profile, str]":
+def profiles_of(mesh: WheelRailMesh) -> tuple[profiles.Profile, profiles.Profile, str]:
     """Return wheel profile, rail head with its sides, and the rail whose web and foot it gets.
 
     Raises:
         SceneError: naming the key of a profile that cannot be used.
     """
-    from meshes.profiles.profiles import RAILS
     from meshes.wheel_rail.rail_section import completed
 
     wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
     head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
-    base = mesh.rail_profile if mesh.rail_profile in RAILS else mesh.rail_base
+    base = mesh.rail_profile if mesh.rail_profile in profiles.RAILS else mesh.rail_base
     try:
         return wheel, completed(head, base), base
     except ValueError as error:
         raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
 
 
-def placement_of(scene: Scene) -> "Placement":
+def placement_of(scene: Scene) -> profiles.Placement:
     """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
 
     With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.
@@ -193,8 +179,7 @@ def placement_of(scene: Scene) -> "Placement":
     Raises:
         SceneError: if a profile cannot be used or no lateral position leaves the flange gap.
     """
-    from meshes.profiles import placement
-    from meshes.profiles.stations import flange_of
+    from meshes.profiles.features import flange_of
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
@@ -206,10 +191,10 @@ def placement_of(scene: Scene) -> "Placement":
         shift = 0.0
     key, value = ("flange_gap", mesh.flange_gap) if shift is None else ("lateral_shift", shift)
     try:
-        rail = placement.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         if shift is None:
-            return placement.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
-        return placement.place(wheel, rail, shift=shift, **turn)
+            return profiles.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
+        return profiles.place(wheel, rail, shift=shift, **turn)
     except ValueError as error:
         raise SceneError(
             f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "
@@ -325,8 +310,6 @@ def export(scene: Scene, path: Path) -> dict[str, Any]:
     """
     from meshes.formats import read_write
 
-    pass
-
     if path.suffix.lower() not in read_write.FORMATS:
         expected = ", ".join(read_write.FORMATS)
         raise SceneError(f"file = {str(path)!r}: expected a name ending in one of {expected}")
@@ -335,16 +318,14 @@ def export(scene: Scene, path: Path) -> dict[str, Any]:
         read_write.write(mesh, path)
     except (ValueError, OSError) as error:
         raise SceneError(f"file = {str(path)!r}: {error}") from None
-    tags, counts = np.unique(mesh.regions, return_counts=True)
     told: dict[str, Any] = {
         "file": str(path),
         "cells": len(mesh.cells),
         "nodes": len(mesh.points),
-        "regions": {mesh.name(int(t)): int(n) for t, n in zip(tags, counts, strict=True)},
+        "regions": mesh.counts(mesh.regions),
+        "surfaces": mesh.counts(mesh.surfaces),
+        "mesh": {"kind": "file", "path": str(path)},
     }
-    tags, counts = np.unique(mesh.surfaces, return_counts=True)
-    told["surfaces"] = {mesh.name(int(t)): int(n) for t, n in zip(tags, counts, strict=True)}
-    told["mesh"] = {"kind": "file", "path": str(path)}
     if scene.mesh.size is not None:
         told["mesh"]["size"] = scene.mesh.size
     if placement is not None:

@@ -2,20 +2,17 @@
 """Loads of a scene: gravity and tractions, mass-proportional damping, drive torque."""
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import la
 
 from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.loads import DeadLoad, DriveTorque, MassDamping, gravity, nodal_traction
+from meshes.arrays import Array
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies
-from workflow.model.regions import nodes_of
 from workflow.model.supports import axle
 from workflow.scene import Scene
-
-Array = npt.NDArray[np.float64]
 
 
 def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
@@ -64,7 +61,7 @@ def drive_torque(scene: Scene, domain: Domain, mass: Array) -> DriveTorque:
     """
     rolling = scene.rolling
     assert rolling is not None
-    dofs = nodes_of(domain, [rolling.driven_region])
+    dofs = domain.region_dofs([rolling.driven_region])
     return DriveTorque(
         comm=domain.msh.comm,
         dofs=dofs,

@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem, la
 
 from forms.elements import Law
-from forms.mass import lumped_mass
 from forms.springs.connections import Connections
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies, InternalForce
@@ -80,10 +79,6 @@ class Model:
         """Contact pairs by name."""
         return {item.name: item for item in self.items if hasattr(item, "footprint")}
 
-    def body_dofs(self, body: str) -> Any:
-        """Return the owned dof blocks of a body."""
-        return self.bodies.dofs(body)
-
 
 def build(
     scene: Scene,
@@ -142,10 +137,8 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     V = domain.V
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     state.a.array[:] = 0.0
-    entries = scene.bodies.values()
-    densities = {bodies.tags(body): body.material.density for body in entries}
     mass = la.vector(V.dofmap.index_map, 3)
-    mass.array[:] = lumped_mass(V, bodies.dx, densities)
+    mass.array[:] = bodies.lumped_mass()
     links = connections(scene, domain)
     bound = step_bound(bodies, mass.array, links, log)
     # outputs fall on steps
@@ -159,7 +152,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     items: list[Any] = [*internal_forces(bodies, state)]
     if scene.gravity is not None or scene.loads:
         items.insert(1, dead_load(scene, domain))
-    if any(b.mass_damping for b in entries):
+    if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:
         items.append(drive_torque(scene, domain, mass.array))

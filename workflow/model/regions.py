@@ -1,14 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Regions and surfaces of a domain by name: their nodes, facets and areas."""
+"""Regions and surfaces by name: the body of each region, facets and nodes of a surface."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Index
 from meshes.domain import Domain
+from meshes.hexmesh import HexMesh
 from workflow.scene import Scene
 
-Index = npt.NDArray[np.int64]
-Dofs = npt.NDArray[np.int32]
+
+def owners(scene: Scene) -> dict[str, str]:
+    """Return the body of each region of a scene, by the region's name in lower case."""
+    return {r.lower(): name for name, body in scene.bodies.items() for r in body.regions}
+
+
+def body_at(scene: Scene, mesh: HexMesh, node: int) -> str:
+    """Return the name of the body that a mesh node belongs to."""
+    return owners(scene)[mesh.region_at(node)]
+
+
+def place(domain: Domain, scene: Scene, dof: int) -> str:
+    """Return in words which body and node an owned dof block belongs to, and where it is."""
+    mesh, node = domain.source, int(domain.nodes[dof])
+    region = mesh.region_at(node)
+    x, y, z = mesh.points[node]
+    return (
+        f"body {owners(scene)[region]!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, "
+        f"z = {z:.5f} m"
+    )
 
 
 def facets(domain: Domain, surface: str) -> Index:
@@ -19,21 +38,3 @@ def facets(domain: Domain, surface: str) -> Index:
 def surface_nodes(domain: Domain, surface: str) -> Index:
     """Return the mesh nodes of a surface, ascending."""
     return np.unique(facets(domain, surface))
-
-
-def nodes_of(domain: Domain, names: list[str]) -> Dofs:
-    """Return the owned dof blocks of the cells in the regions called ``names``."""
-    cells = np.isin(domain.source.regions, domain.source.tags(names))
-    dofs = domain.local_dofs(np.unique(domain.source.cells[cells]))
-    return dofs[dofs >= 0]
-
-
-def place(domain: Domain, scene: Scene, dof: int) -> str:
-    """Return in words which body and node an owned dof block belongs to, and where it is."""
-    node = int(domain.nodes[dof])
-    cell = int(np.flatnonzero((domain.source.cells == node).any(axis=1))[0])
-    region = domain.source.name(int(domain.source.regions[cell]))
-    bodies = scene.bodies.items()
-    body = next((name for name, b in bodies if region in [r.lower() for r in b.regions]), region)
-    x, y, z = domain.source.points[node]
-    return f"body {body!r} ({region}), node {node}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"

@@ -8,7 +8,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
@@ -17,11 +16,10 @@ from forms.springs.connections import Connections
 from forms.springs.step_bound import NONE, Attached, as_springs, attached, joined, joined_step
 from forms.time_step import assembled_frequency, cell_frequency, stable_step
 from forms.viscosity import damped_step
+from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.regions import place
-
-Array = npt.NDArray[np.float64]
 
 PRODUCTS = 40
 

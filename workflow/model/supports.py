@@ -8,12 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 
+from meshes.arrays import Array, Dofs
 from meshes.domain import Domain
-from workflow.model.regions import Dofs, surface_nodes
+from workflow.model.regions import surface_nodes
 from workflow.scene import Scene
 from workflow.scene.settings import Support
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

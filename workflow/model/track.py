@@ -4,16 +4,17 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from forms.springs.connections import Connections, Link, Mean, PointMasses, Spread
-from forms.springs.dashpots import Dashpots, absorbing
-from forms.springs.node_to_facet import Between
+from forms.springs.connections import Connections
+from forms.springs.dashpots import absorbing, dashpots
+from forms.springs.point_masses import PointMasses
+from forms.springs.springs import Springs, mean, node_to_facet, spread
+from meshes.arrays import Array, Index
 from meshes.domain import Domain
 from meshes.formats.conform import faces_on
 from meshes.quads import area_shares
 from meshes.wheel_rail import seats, sleepers
-from workflow.model.regions import facets, surface_nodes
+from workflow.model.regions import facets, owners, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
@@ -21,8 +22,6 @@ from workflow.scene.track import Absorbing, Track
 if TYPE_CHECKING:
     pass
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Seat = tuple[Index, Array]
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -40,26 +39,26 @@ def connections(scene: Scene, domain: Domain) -> Connections | None:
     track, vehicle = scene.track, scene.vehicle
     if not (vehicle or track or scene.absorbing or scene.springs):
         return None
-    links: list[Link] = []
+    links: list[Springs] = []
     under: list[Seat] = []
     if track is not None and track.sleeper_top is None:
         under = seats_of_points(track, domain)
     masses = point_masses(scene, len(under))
     if track is not None and track.sleeper_top is None:
-        links.append(pads_on_points(track, domain, under, masses))
+        links.append(pads_on_points(track, domain, under))
     elif track is not None:
-        links += [pads_on_solids(track, domain), ballast(track, domain, masses)]
+        links += [pads_on_solids(track, domain), ballast(track, domain)]
     boundaries = scene.absorbing
     if track is not None and track.ends == "absorbing":
         boundaries = [*boundaries, Absorbing(surface=track.end_surface, waves="bar")]
-    links += [dashpots(scene, domain, entry) for entry in boundaries]
+    links += [absorbing_surface(scene, domain, entry) for entry in boundaries]
     first = len(masses.mass) - len(scene.springs)
     for point, spring in enumerate(scene.springs, first):
         stiffness, damping = np.array(spring.stiffness), np.array(spring.damping)
-        links.append(mean(domain, spring.surface, point, stiffness, damping, masses))
+        links.append(mean_of_surface(domain, spring.surface, stiffness, damping, point))
     if vehicle is not None:
         k, c = UP * vehicle.suspension_stiffness, UP * vehicle.suspension_damping
-        links.append(mean(domain, vehicle.journal, first - 1, k, c, masses))
+        links.append(mean_of_surface(domain, vehicle.journal, k, c, first - 1))
     return Connections(domain.msh.comm, masses, links, dt=0.0)
 
 
@@ -88,14 +87,12 @@ def point_masses(scene: Scene, seated: int) -> PointMasses:
     return masses
 
 
-def mean(
-    domain: Domain, surface: str, point: int, stiffness: Array, damping: Array, masses: PointMasses
-) -> Mean:
+def mean_of_surface(
+    domain: Domain, surface: str, stiffness: Array, damping: Array, point: int
+) -> Springs:
     """Return a spring and damper between the mean motion of a surface and a point mass."""
     nodes, share = area_shares(domain.source.points, facets(domain, surface))
-    dofs = domain.local_dofs(nodes)
-    here = dofs >= 0
-    return Mean(domain.msh.comm, dofs[here], share[here], point, stiffness, damping, masses)
+    return mean(domain.msh.comm, domain.local_dofs(nodes), share, stiffness, damping, point)
 
 
 def seat(track: Track, domain: Domain, centre: float) -> Seat:
@@ -121,21 +118,15 @@ def seats_of_points(track: Track, domain: Domain) -> list[Seat]:
     return [seat(track, domain, float(centre)) for centre in places]
 
 
-def pads_on_points(track: Track, domain: Domain, under: list[Seat], masses: PointMasses) -> Spread:
+def pads_on_points(track: Track, domain: Domain, under: list[Seat]) -> Springs:
     """Return the pads as springs and dampers spread over each seat in proportion to area."""
-    dofs = domain.local_dofs(np.concatenate([nodes for nodes, _ in under]))
-    share = np.concatenate([shares for _, shares in under])[dofs >= 0]
+    nodes, share = (np.concatenate(x) for x in zip(*under, strict=True))
     point = np.repeat(np.arange(len(under), dtype=np.int32), [len(nodes) for nodes, _ in under])
-    return Spread(
-        dofs=dofs[dofs >= 0],
-        point=point[dofs >= 0],
-        stiffness=np.outer(share, track.pad_stiffness),
-        damping=np.outer(share, track.pad_damping),
-        masses=masses,
-    )
+    k, c = np.outer(share, track.pad_stiffness), np.outer(share, track.pad_damping)
+    return spread(domain.msh.comm, domain.local_dofs(nodes), k, c, point)
 
 
-def pads_on_solids(track: Track, domain: Domain) -> Between:
+def pads_on_solids(track: Track, domain: Domain) -> Springs:
     """Return the pads as springs and dampers between foot and sleepers, in proportion to area.
 
     Each goes from a node of the foot to the point of the sleeper straight below it. Vertical forces
@@ -154,16 +145,16 @@ def pads_on_solids(track: Track, domain: Domain) -> Between:
             raise SceneError(f"track.sleeper_top = {track.sleeper_top!r}: {error}") from None
         found.append((nodes, share, facet, weights))
     nodes, share, facet, weights = (np.concatenate(x) for x in zip(*found, strict=True))
-    return Between(
+    return node_to_facet(
         domain.msh.comm,
         domain.local_dofs(nodes),
-        (facet, domain.local_dofs(facet), weights),
+        (domain.local_dofs(facet), weights),
         np.outer(share, track.pad_stiffness),
         np.outer(share, track.pad_damping),
     )
 
 
-def ballast(track: Track, domain: Domain, masses: PointMasses) -> Spread:
+def ballast(track: Track, domain: Domain) -> Springs:
     """Return the ballast as vertical springs and dampers over the underside of each sleeper."""
     assert track.sleeper_bottom is not None
     below = [
@@ -171,18 +162,11 @@ def ballast(track: Track, domain: Domain, masses: PointMasses) -> Spread:
         for part in seats.parts(facets(domain, track.sleeper_bottom))
     ]
     nodes, share = (np.concatenate(x) for x in zip(*below, strict=True))
-    dofs = domain.local_dofs(nodes)
-    share = share[dofs >= 0]
-    return Spread(
-        dofs=dofs[dofs >= 0],
-        point=np.full(len(share), -1, dtype=np.int32),
-        stiffness=np.outer(share, UP * track.ballast_stiffness),
-        damping=np.outer(share, UP * track.ballast_damping),
-        masses=masses,
-    )
+    k, c = (np.outer(share, UP * x) for x in (track.ballast_stiffness, track.ballast_damping))
+    return spread(domain.msh.comm, domain.local_dofs(nodes), k, c)
 
 
-def dashpots(scene: Scene, domain: Domain, entry: Absorbing) -> Dashpots:
+def absorbing_surface(scene: Scene, domain: Domain, entry: Absorbing) -> Springs:
     """Return the dashpots of an absorbing surface, of the materials behind it."""
     mesh, quads = domain.source, facets(domain, entry.surface)
     matrix = np.zeros((len(mesh.points), 3, 3))
@@ -196,8 +180,7 @@ def dashpots(scene: Scene, domain: Domain, entry: Absorbing) -> Dashpots:
         material = getattr(constants, "isotropic", constants)
         matrix += absorbing(mesh.points, quads[mine], material, entry.waves)
     nodes = np.unique(quads)
-    dofs = domain.local_dofs(nodes)
-    return Dashpots(dofs[dofs >= 0], matrix[nodes[dofs >= 0]])
+    return dashpots(domain.msh.comm, domain.local_dofs(nodes), matrix[nodes])
 
 
 def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
@@ -206,5 +189,5 @@ def sleeper_bodies(scene: Scene, domain: Domain) -> set[str]:
         return set()
     mesh, on = domain.source, np.zeros(len(domain.source.points), dtype=bool)
     on[surface_nodes(domain, scene.track.sleeper_top)] = True
-    regions = np.unique(mesh.regions[on[mesh.cells].any(axis=1)])
-    return {n for n, b in scene.bodies.items() if np.isin(mesh.tags(b.regions), regions).any()}
+    regions, body_of = np.unique(mesh.regions[on[mesh.cells].any(axis=1)]), owners(scene)
+    return {body_of[mesh.name(int(tag))] for tag in regions}

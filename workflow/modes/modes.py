@@ -26,7 +26,6 @@ from workflow.modes.part import BORE, WHEEL, Part, held_dofs, part_of
 from workflow.modes.solve import Spectrum, nodal_mass, spectrum, stiffness
 from workflow.results.fields import write_mesh
 from workflow.results.table import Column, Table
-from workflow.results.writer import gather
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.run import checked
@@ -120,8 +119,8 @@ def told_apart(part: Part, found: Spectrum, mass: Array) -> tuple[list[Mode], Ar
         mass: Lumped mass of those, shape ``(owned,)`` [kg].
     """
     domain = part.domain
-    nodal = gather(domain, np.repeat(mass, 3))[:, 0]
-    shapes = np.array([gather(domain, shape.ravel()) for shape in found.shapes])
+    nodal = domain.gather(np.repeat(mass, 3))[:, 0]
+    shapes = np.array([domain.gather(shape.ravel()) for shape in found.shapes])
     labels: list[Mode] = []
     if domain.msh.comm.rank == 0:
         labels, shapes = labelled(

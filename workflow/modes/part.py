@@ -13,7 +13,8 @@ from meshes.arrays import Array
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh
 from workflow.model.geometry import mesh_of, placement_of, profile
-from workflow.model.supports import axle, supports, surface_nodes
+from workflow.model.regions import owners, surface_nodes
+from workflow.model.supports import axle, supports
 from workflow.scene.mesh import FileMesh, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
@@ -74,7 +75,7 @@ def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm:
     if name not in known:
         raise SceneError(f"--part {name!r}: expected one of {', '.join(known)}")
     alone = wheel and name == WHEEL and WHEEL not in scene.bodies
-    body = owner(scene, "tyre") if alone else name
+    body = owners(scene)["tyre"] if alone else name
     domain = distribute(made(scene, body, alone, size, comm), comm)
     entry = scene.bodies[body]
     if alone:
@@ -85,11 +86,6 @@ def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm:
     held = {None: usual, "bore": BORE}.get(held, held)
     assert held is not None
     return Part(name, one, domain, held, axis_of(scene, alone, rolls))
-
-
-def owner(scene: Scene, region: str) -> str:
-    """Return the body that has a region."""
-    return next(n for n, b in scene.bodies.items() if region in [r.lower() for r in b.regions])
 
 
 def made(scene: Scene, body: str, alone: bool, size: float, comm: MPI.Comm) -> HexMesh | None:

@@ -19,7 +19,6 @@ from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix
 
 from forms.kernel import compiled
-from forms.mass import lumped_mass
 from meshes.arrays import Array
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies
@@ -63,9 +62,7 @@ def stiffness(bodies: Bodies) -> PETSc.Mat:
 
 def nodal_mass(bodies: Bodies) -> Array:
     """Return the lumped mass of the owned nodes, shape ``(owned,)`` [kg]."""
-    entries = bodies.scene.bodies.values()
-    densities = {bodies.tags(body): body.material.density for body in entries}
-    return lumped_mass(bodies.domain.V, bodies.dx, densities)[::3][: bodies.domain.owned]
+    return bodies.lumped_mass()[::3][: bodies.domain.owned]
 
 
 def spectrum(

@@ -8,10 +8,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from meshes.quality import cell_volumes
 from workflow.report.tables import number
 from workflow.results.record import Contact, Record
-from workflow.theory.closed_forms import applied
+from workflow.theory.at_rest import weight_on_rail
+from workflow.theory.smooth import applied
 
 LOAD = 0.01  # of the load, that a contact at rest may be off by
 ROUND_OFF = 1e-9  # of the largest force
@@ -124,17 +124,3 @@ def _load(record: Record, name: str, contact: Contact) -> Iterator[Check]:
     limit = f"{number(load / 1e3, 5)} kN ± {100 * LOAD:g} %"
     how = f"vertical nodal forces of the first output against the {what}"
     yield Check(f"load on {name} at rest", value, limit, abs(error) <= LOAD, how)
-
-
-def weight_on_rail(record: Record) -> float | None:
-    """Return the weight that a wheelset with its vehicle puts on the rail [N], if it is known."""
-    scene, body = record.checked, record.body
-    if not (record.wheel_on_rail and scene.rolling and scene.gravity) or body is None:
-        return None
-    mass = scene.vehicle.sprung_mass if scene.vehicle else 0.0
-    numbers = {name: number_ for number_, name in body.names.items()}
-    wheelset = scene.bodies[scene.rolling.body]
-    for region in wheelset.regions:
-        cells = body.cells[body.regions == numbers[region.lower()]]
-        mass += wheelset.material.density * float(cell_volumes(body.points, cells).sum())
-    return -scene.gravity[2] * mass

@@ -31,6 +31,7 @@ from workflow.results import atomic
 from workflow.results.record import Record
 from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
+from workflow.theory.quantity import answers
 
 LINES = 200  # of the log that are shown at either end
 KINDS = {".png": "image/png", ".gif": "image/gif"}
@@ -89,6 +90,7 @@ def contents(record: Record, pictures: Sequence[Path]) -> dict[str, Any]:
         "audit": [line for line in log if " audit: " in line],
         "log": shortened([line for line in log if " audit: " not in line]),
         "checks": found,
+        "expected": answers(summary.get("expected", ())),
         "contacts": contact_tables(record),
         "events": event_table(record),
         "energy": energy_table(record),

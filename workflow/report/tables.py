@@ -36,6 +36,7 @@ KNOWN = {
     "element_updates_per_second",
     "energy",
     "contacts",
+    "expected",
 }
 
 

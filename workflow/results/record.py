@@ -3,6 +3,7 @@
 
 import json
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -206,6 +207,13 @@ class Record:
             found = {name: _contact(group) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
 
+    def patches_at(self, pair: str, output: int) -> dict[int, PatchNodes]:
+        """Return the patches of a pair at one output by place; the last output is -1."""
+        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+            group = file["contact"].get(pair, {})
+            outputs = sorted(group, key=int)
+            return patches_of(group[outputs[output]]) if outputs else {}
+
     @cached_property
     def patches(self) -> dict[str, Array]:
         """Columns of the table of patches of the first pair that touched, a row for each patch."""
@@ -230,6 +238,13 @@ class Record:
 
     def displacement(self, t: float) -> Array:
         """Return the displacement at the output nearest to time ``t``, shape ``(n, 3)`` [m]."""
+        return self._nearest("displacement", t)
+
+    def velocity(self, t: float) -> Array:
+        """Return the velocity at the output nearest to time ``t``, shape ``(n, 3)`` [m/s]."""
+        return self._nearest("velocity", t)
+
+    def _nearest(self, name: str, t: float) -> Array:
         with h5py.File(self._fields, "r", locking=False) as file:
             root = file["VTKHDF"]
             n = len(root["Points"])
@@ -237,7 +252,15 @@ class Record:
                 return np.zeros((n, 3))
             times = root["Steps/Values"][:]
             k = int(np.argmin(np.abs(times - t)))
-            return np.asarray(root["PointData/displacement"][k * n : (k + 1) * n], dtype=np.float64)
+            return np.asarray(root["PointData"][name][k * n : (k + 1) * n], dtype=np.float64)
+
+    def series(self, name: str) -> Iterator[tuple[float, Array]]:
+        """Yield time and nodal values ``(n, 3)`` of ``displacement`` or ``velocity`` by output."""
+        with h5py.File(self._fields, "r", locking=False) as file:
+            root = file["VTKHDF"]
+            n = len(root["Points"])
+            for k, t in enumerate(root["Steps/Values"][:] if "Steps" in root else ()):
+                yield float(t), root["PointData"][name][k * n : (k + 1) * n].astype(np.float64)
 
     @property
     def _fields(self) -> Path:

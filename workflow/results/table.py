@@ -98,9 +98,9 @@ class Table:
             collapse_padding=True,
             show_header=bool(self.heads),
         )
-        for k, column in enumerate(self.columns):
+        for column in self.columns:
             side: Any = "left" if column.words else "right"
-            out.add_column(plain(column.title), justify=side, no_wrap=k == 0)
+            out.add_column(plain(column.title), justify=side, no_wrap=not column.words)
         for row in self.cells:
             out.add_row(*map(plain, row))
         return out

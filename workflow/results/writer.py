@@ -131,7 +131,7 @@ class Results:
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh."""
         if self.write_fields:
-            displacement, velocity = gather(self.domain, u), gather(self.domain, v)
+            displacement, velocity = self.domain.gather(u), self.domain.gather(v)
             fields = self.fields
 
             def write() -> None:
@@ -166,16 +166,6 @@ def contact_arrays(footprint: Any) -> dict[str, npt.NDArray[Any]]:
     return {
         key: np.asarray(getattr(footprint, key)) for key in CONTACT_UNITS if hasattr(footprint, key)
     }
-
-
-def gather(domain: Domain, local: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Return a local vector field in mesh node order on rank 0, shape ``(n, 3)``."""
-    own = local.reshape(-1, 3)[: domain.owned]
-    parts = domain.msh.comm.gather((domain.nodes[: domain.owned], own))
-    out = np.zeros((len(domain.source.points) if parts else 0, 3))
-    for nodes, values in parts or ():
-        out[nodes] = values
-    return out
 
 
 def unit(name: str) -> str:

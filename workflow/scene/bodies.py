@@ -4,7 +4,8 @@
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic_core import PydanticCustomError
 
 from workflow.scene.units import (
     Component,
@@ -22,10 +23,44 @@ from workflow.scene.units import (
 Axis = tuple[Component, Component, Component]
 
 
-class Isotropic(Section):
-    """Isotropic elastic material; ``hooke`` in total Lagrangian form is St. Venant-Kirchhoff's."""
+def _known(law: str) -> str:
+    """Return the name of a law if ``forms.elements.LAWS`` has it or it is ``hooke``.
 
-    law: Literal["hooke", "neo-hookean"] = "hooke"
+    The registry is loaded, and UFL with it, only for names beside those that are listed here.
+    """
+    if law not in ("hooke", "neo-hookean"):
+        from forms.elements import LAWS
+
+        if law not in LAWS:
+            names = ", ".join(repr(name) for name in ("hooke", *LAWS, "orthotropic"))
+            raise PydanticCustomError("material_law", "one of {names}", {"names": names})
+    return law
+
+
+def fit(law: str, kinematics: str) -> tuple[str, bool]:
+    """Return the kinematics that a material law expects, and if it has the element ``selective``.
+
+    Args:
+        law: Name of the law.
+        kinematics: That of the body, which Hooke's law follows.
+    """
+    if law in ("hooke", "orthotropic"):
+        return kinematics, law == "hooke" and kinematics == "small-strain"
+    if law == "neo-hookean":
+        return "total-lagrangian", True
+    from forms.elements import LAWS
+
+    own = LAWS[law]
+    return "total-lagrangian" if own.rotating else "small-strain", own.shape is not None
+
+
+class Isotropic(Section):
+    """Isotropic elastic material with a law of ``forms.elements.LAWS`` by name.
+
+    ``hooke`` is the law of the body's kinematics, St. Venant-Kirchhoff's in total Lagrangian form.
+    """
+
+    law: Annotated[str, AfterValidator(_known)] = "hooke"
     youngs_modulus: Modulus
     poisson_ratio: Ratio
     density: Density

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The tables of a scene's mesh: shapes with closed forms, and wheel on rail."""
+"""Tables ``[mesh]`` of a scene: shapes with closed forms, wheel on rail, mesh files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, Self

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, model_validator
 
 from workflow.scene import keys
-from workflow.scene.bodies import Body
+from workflow.scene.bodies import Body, fit
 from workflow.scene.contacts import law_of
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
 from workflow.scene.settings import (
@@ -131,11 +131,10 @@ class Scene(Section):
                     body.material.constants()
                 except ValueError as error:
                     yield f"{key}.material: {error}"
-            if law == "neo-hookean" and body.kinematics != "total-lagrangian":
-                got = body.kinematics
-                yield f"{key}.kinematics = {got!r}: neo-hookean expects 'total-lagrangian'"
-            hooke = "small-strain" if law == "hooke" else "total-lagrangian"
-            if body.element == "selective" and (law == "orthotropic" or body.kinematics != hooke):
+            expected, splits = fit(law, body.kinematics)
+            if body.kinematics != expected:
+                yield f"{key}.kinematics = {body.kinematics!r}: {law} expects {expected!r}"
+            if body.element == "selective" and not (splits and body.kinematics == expected):
                 yield (
                     f"{key}.element = 'selective': expected material.law = 'hooke' with kinematics "
                     f"'small-strain', or 'neo-hookean', got {law!r} with {body.kinematics!r}"

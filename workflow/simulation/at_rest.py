@@ -13,11 +13,11 @@ import numpy.typing as npt
 from dolfinx import la
 
 from forms.loads import DeadLoad
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.model.supports import supports
 from workflow.scene.settings import Equilibrium
 
-Array = npt.NDArray[np.float64]
 Log = Callable[[str], Any]
 Solve = Callable[[bool], int]  # to rest, roughly or not, and the iterations used
 
@@ -95,5 +95,5 @@ def held_dofs(model: Model, settings: Equilibrium) -> npt.NDArray[np.int32]:
 def move(model: Model, body: str, shift: Array) -> None:
     """Displace a whole body rigidly by ``shift``, shape ``(3,)`` [m]."""
     u = model.state.u.x
-    u.array.reshape(-1, 3)[model.body_dofs(body)] += shift
+    u.array.reshape(-1, 3)[model.bodies.dofs(body)] += shift
     u.scatter_forward()

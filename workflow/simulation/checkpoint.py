@@ -26,7 +26,7 @@ from meshes.hexmesh import HexMesh
 from workflow.model import Model
 from workflow.results import atomic
 from workflow.results.folder import Resume
-from workflow.results.writer import Results, gather
+from workflow.results.writer import Results
 from workflow.scene import Scene, SceneError
 from workflow.simulation.energy import Ledger
 from workflow.simulation.prescribed import hold_of
@@ -269,7 +269,7 @@ def collect(
     """
     state, domain = model.state, model.domain
     fields = {"u": state.u.x.array, "v": state.v.x.array, "a": state.a.array}
-    arrays = {name: gather(domain, local) for name, local in fields.items()}
+    arrays = {name: domain.gather(local) for name, local in fields.items()}
     arrays["time"] = np.array([state.t, state.step])
     keepers = dict(items_by_name(model))
     keepers |= {f"tracker/{name}": tracker for name, tracker in trackers.items()}

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.results.energy import Energy, columns
 
-Array = npt.NDArray[np.float64]
 TERMS = tuple(term.name for term in fields(Energy) if term.name != "own")
 
 

@@ -18,6 +18,7 @@ from dolfinx import fem, la
 from dolfinx.fem.petsc import assemble_matrix
 
 from forms.kernel import compiled
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
@@ -25,7 +26,6 @@ from workflow.simulation.guards import GuardError
 # petsc4py's stubs know plain lists and take this number for something else
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
-Array = npt.NDArray[np.float64]
 MANY = 30  # steps of conjugate gradients that take as long as new factors, about
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift

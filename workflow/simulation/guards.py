@@ -70,7 +70,7 @@ class Watch:
                 self._touch(name, pair)
 
     def _depth(self, name: str, side: "Pass", sizes: npt.NDArray[np.float64]) -> None:
-        c, h = side.history.touching[: side.active], side.history
+        c, h = side.contact_state.touching[: side.active], side.contact_state
         if not len(c):
             return
         share = -h.gap[c] / sizes[c]
@@ -88,9 +88,9 @@ class Watch:
 
     def _touch(self, name: str, pair: "ContactPair") -> None:
         if pair.normal_force > 0.0:
-            side = max(pair.passes, key=lambda one: one.history.total[5])
-            c = side.history.touching[: side.active]
-            top = int(c[np.argmax(side.history.pressing[c])])
+            side = max(pair.passes, key=lambda one: one.contact_state.totals.normal_force)
+            c = side.contact_state.touching[: side.active]
+            top = int(c[np.argmax(side.contact_state.normal_force[c])])
             self.seen[name] = f"seen last at t = {self.model.state.t:.6e} s, {where(side, top)}"
         elif name in self.seen:
             raise GuardError(
@@ -124,7 +124,7 @@ def node_sizes(side: "Pass") -> npt.NDArray[np.float64]:
 
 def where(side: "Pass", node: int) -> str:
     """Return which node of a contactor is meant and where it is, in words."""
-    x, y, z = side.near.exchange.xv[node, :3]
+    x, y, z = side.candidates.exchange.xv[node, :3]
     return f"node {side.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 

@@ -69,7 +69,7 @@ def start(model: Model, log: Log) -> None:
     v = model.state.v.x.array.reshape(-1, 3)
     for name, body in scene.bodies.items():
         if body.velocity is not None:
-            v[model.body_dofs(name)] = body.velocity
+            v[model.bodies.dofs(name)] = body.velocity
     model.supports(model.state.v.x)
     if scene.rolling is not None:
         rolling.start(model)

@@ -10,15 +10,13 @@ import ufl
 from dolfinx import la
 
 from forms.rank_sums import gathered, own_part
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.model.regions import surface_nodes
 from workflow.model.state import State
 from workflow.model.supports import Supports, supports
-from workflow.results.writer import gather
 from workflow.scene.settings import Driven, Support
 from workflow.simulation.rolling import convected
-
-Array = npt.NDArray[np.float64]
 
 NOWHERE = np.zeros(3)
 
@@ -146,7 +144,7 @@ class Hold:
         for i, carried in enumerate(self.carried):
             local = np.zeros(3 * self.domain.owned)
             local.reshape(-1, 3)[carried.dofs] = carried.reaction
-            arrays[f"driven/{i}/reaction"] = gather(self.domain, local)
+            arrays[f"driven/{i}/reaction"] = self.domain.gather(local)
             arrays[f"driven/{i}/centre"] = carried.centre
             arrays[f"driven/{i}/work"] = gathered(comm, carried.work)
         for i, mover in enumerate(self.moved):
@@ -183,7 +181,7 @@ def start(model: Model) -> None:
     v = model.state.v.x.array.reshape(-1, 3)
     flows, x = {}, ufl.SpatialCoordinate(model.domain.msh)
     for carried in hold.carried:
-        dofs = model.body_dofs(carried.body)
+        dofs = model.bodies.dofs(carried.body)
         v[dofs] = carried.rigid(dofs)
         if carried.entry.steady_start:
             flows[carried.body] = carried.flow(x)

@@ -10,7 +10,6 @@ the step allows. Point masses, slow beside cells, are moved to rest under the pr
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
@@ -18,12 +17,12 @@ from forms.elasticity import exact
 from forms.kernel import CellKernel
 from forms.springs.step_bound import attached
 from forms.time_step import cell_frequencies
+from meshes.arrays import Array
 from workflow.model import Model
 from workflow.scene.settings import Relaxation
 from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
 
-Array = npt.NDArray[np.float64]
 Seen = tuple[Array, Array]
 
 SAFETY = 0.9  # of the step's limit: what bodies stiffen as they turn and strain
@@ -158,7 +157,7 @@ def masses(model: Model, settings: Relaxation) -> Array:
 def searches(model: Model) -> list[int]:
     """Return what changes whenever the candidates of a contact do, alike on all ranks."""
     sides = (side for pair in model.pairs.values() for side in pair.passes)
-    return [hash(side.near.item.tobytes()) for side in sides]
+    return [hash(side.candidates.item.tobytes()) for side in sides]
 
 
 def contact_mass(model: Model) -> Array:
@@ -169,9 +168,9 @@ def contact_mass(model: Model) -> Array:
     real = model.mass.array[: 3 * model.domain.owned]
     mass = np.zeros_like(real)
     for side in (side for pair in model.pairs.values() for side in pair.passes):
-        near = side.near
+        near = side.candidates
         stacked = np.concatenate([side.contactor.dofs, side.target.dofs])
-        facets = near.search.quad[near.search.live.astype(bool)]
+        facets = near.search.quad[near.found.live.astype(bool)]
         dofs = stacked[np.unique(np.concatenate([near.item, facets.ravel()]))]
         dofs = dofs[dofs >= 0]
         share = HEAVIER * side.options.penalty / (4 * SAFETY**2)

@@ -7,21 +7,19 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import la
 
 from forms.elasticity import full
 from forms.kernel import CellKernel
 from forms.loads import DriveTorque
+from meshes.arrays import Array
 from meshes.domain import Domain
 from meshes.wheel_rail import seats
 from workflow.model import Model
 from workflow.model.regions import facets
 from workflow.model.supports import axle
 from workflow.model.track import Seat, middle, seat, seats_of_points, sleeper_bodies
-
-Array = npt.NDArray[np.float64]
 
 
 def travel(model: Model) -> Array:
@@ -53,7 +51,7 @@ def centrifugal(model: Model) -> Array:
     rolling = model.scene.rolling
     assert rolling is not None
     force = np.zeros((model.domain.owned, 3))
-    dofs, omega = model.body_dofs(rolling.body), spin(model)
+    dofs, omega = model.bodies.dofs(rolling.body), spin(model)
     r = model.domain.V.tabulate_dof_coordinates()[dofs] - np.array(model.placement.centre)
     force[dofs] = -model.mass.array[::3][dofs, None] * np.cross(omega, np.cross(omega, r))
     return force.ravel()
@@ -75,7 +73,7 @@ def start(model: Model) -> None:
     if rolling.steady_start:
         v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
         follow(model)
-    dofs = model.body_dofs(rolling.body)
+    dofs = model.bodies.dofs(rolling.body)
     v[dofs] += V + np.cross(omega, x[dofs] - centre)
     model.supports(state.v.x)
     state.v.x.scatter_forward()

@@ -24,7 +24,7 @@ from workflow.simulation import checkpoint, guards, stepping
 from workflow.simulation.energy import Ledger
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
-from workflow.simulation.summary import output, summarise
+from workflow.simulation.summary import answers, output, summarise
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
@@ -136,12 +136,14 @@ def concluded(job: Job) -> Iterator[None]:
 
 def conclude(job: Job) -> None:
     """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
+    model, results, status = job.model, job.results, job.summary["status"]
     try:
         if job.sampling is not None:
-            job.sampling.append(job.results)
-        job.results.summarise(job.summary)
+            job.sampling.append(results)
+        job.summary["expected"] = answers(model, results.folder, status, job.progress.log)
+        results.summarise(job.summary)
     except RuntimeError as error:
-        if job.summary["status"] == "done":
+        if status == "done":
             raise guards.GuardError(str(error)) from error
         job.progress.log(f"summary.json not written: {error}")
     finally:

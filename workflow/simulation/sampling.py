@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from meshes.arrays import Array, Index
 from meshes.domain import Domain
 from meshes.quads import area_shares
 from workflow.model import Model
@@ -32,9 +33,6 @@ from workflow.simulation.rolling import spin
 if TYPE_CHECKING:
     from contact import ContactPair
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-
 
 def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     """Return the nodes of a probe and their shares in its mean, which sum to 1.
@@ -48,7 +46,7 @@ def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     if probe.surface is not None:
         nodes = surface_nodes(domain, probe.surface)
     elif probe.region is not None:
-        nodes = np.unique(source.cells[np.isin(source.regions, source.tags([probe.region]))])
+        nodes = source.nodes(source.tag(probe.region))
     else:
         nodes = np.unique(source.cells)
     if probe.point is not None:
@@ -120,13 +118,15 @@ class ContactSampler:
 
     def now(self) -> tuple[Array, npt.NDArray[np.int32], Array]:
         """Return the total, the touching nodes (first pass) and their forces at this step."""
-        h = self.side.history
+        h = self.side.contact_state
         touching = h.touching[: self.side.active]
         force = np.empty((len(touching), 6))
         np.multiply(
-            h.normal.take(touching, axis=0), h.pressing.take(touching)[:, None], out=force[:, :3]
+            h.normal.take(touching, axis=0),
+            h.normal_force.take(touching)[:, None],
+            out=force[:, :3],
         )
-        h.traction.take(touching, axis=0, out=force[:, 3:])
+        h.tangential_force.take(touching, axis=0, out=force[:, 3:])
         total = np.array([self.pair.normal_resultant, self.pair.tangential_force])
         return total, touching, force
 

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Outputs of a run: a row of history and the footprints at each, the summary at the end."""
 
+import traceback
+from collections.abc import Callable
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +32,28 @@ def output(model: Model, results: Results, energy: Energy, error: float) -> dict
     results.append(history, footprints, motions)
     results.append_fields(state.t, u, v)
     return history
+
+
+def answers(
+    model: Model, folder: Path, status: str, log: Callable[[str], Any]
+) -> list[dict[str, Any]]:
+    """Return what theory expects of a run beside what came out, read from its folder; collective.
+
+    Nothing of a run that was stopped, or with laws that its scene does not tell. An error in the
+    theory ends no run: it is logged.
+    """
+    if status != "done" or model.own_laws:
+        return []
+    found: list[dict[str, Any]] = []
+    if model.domain.msh.comm.rank == 0:
+        from workflow.results.record import Record
+        from workflow.theory.expected import expected
+
+        try:
+            found = [answer.entry() for answer in expected(Record(folder))]
+        except Exception:
+            log(f"theory: no answers, for an error in it:\n{traceback.format_exc()}")
+    return list(model.domain.msh.comm.bcast(found))
 
 
 def contact_history(pair: Any, footprint: Any) -> dict[str, float]:
@@ -84,4 +109,5 @@ def summarise(
         "element_updates_per_second": len(mesh.cells) * model.state.step / max(stepping, 1e-9),
         "energy": columns(energy, error) if energy is not None else None,
         "contacts": contacts,
+        "expected": [],
     }

@@ -82,7 +82,7 @@ def scene_of(case: Case, folder: Path) -> Scene:
         return scene
     mesh, _ = mesh_of(scene)
     points = mesh.points * np.array(case.moved.get("scale", (1.0, 1.0, 1.0)))
-    block = np.unique(mesh.cells[mesh.regions == Tag.BLOCK])
+    block = mesh.nodes(Tag.BLOCK)
     points[block] += np.array(case.moved.get("block", (0.0, 0.0, 0.0)))
     points += np.array(case.moved.get("all", (0.0, 0.0, 0.0)))
     path = folder / "mesh.vtu"
@@ -133,7 +133,7 @@ class Seen:
 
 def mean_velocity(model: Model, body: str) -> Array:
     """Return the velocity of a body's centre of mass half a step ago [m/s]; serial."""
-    dofs = model.body_dofs(body)
+    dofs = model.bodies.dofs(body)
     m = model.mass.array[::3][dofs]
     return np.asarray(m @ model.state.v.x.array.reshape(-1, 3)[dofs] / m.sum())
 

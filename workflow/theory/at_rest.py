@@ -7,30 +7,32 @@ which a rigid motion is fitted: under the load the axle bends and the rail twist
 contact by millimetres.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from contact.creepage import rigid_motion
+from contact.theory import wheel_on_rail
 from contact.theory.closed_forms import contact_modulus
-from contact.theory.wheel_on_rail import Expected, expected, softened
 from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.model.geometry import placement_of, profiles_of
 from workflow.results.record import PatchNodes, Record, patches_of
-from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene
+from workflow.theory import readings
+from workflow.theory.assumptions import material
+from workflow.theory.quantity import HALF_SPACE, STATICS, Expected
 
 if TYPE_CHECKING:
     from workflow.model.model import Model
 
-
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
+WHEELSET = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
 ON = 2e-4  # a node nearer to the drawn surface than this is on it [m]
 
 
@@ -46,8 +48,8 @@ class AtRest:
     """
 
     patch: PatchNodes
-    expected: Expected
-    softened: Expected
+    expected: wheel_on_rail.Expected
+    softened: wheel_on_rail.Expected
     overlap: float
 
     @property
@@ -73,7 +75,7 @@ class AtRest:
         """The same with the layer: what is not due to the penalty."""
         return self._off(self.softened)
 
-    def _off(self, e: Expected) -> float:
+    def _off(self, e: wheel_on_rail.Expected) -> float:
         off = self.pressure - e.pressure(self.at, self.patch.areas)
         return float(np.sqrt(np.mean(off**2)) / e.half_space.pressure.max())
 
@@ -119,8 +121,7 @@ class AtRest:
 def half_axes(at: Array, force: Array) -> tuple[float, float]:
     """Return the half axes, along the axes of the frame, of the ellipse of the same moments [m]."""
     centre = force @ at / force.sum()
-    a, b = np.sqrt(5 * (force @ (at - centre) ** 2) / force.sum())
-    return float(a), float(b)
+    return readings.half_axes(at - centre, force)
 
 
 def at_rest(record: Record) -> AtRest | None:
@@ -196,9 +197,10 @@ def compared(
     drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
     load = patch.normal_force
-    hard = expected(wheel, rail, patch.centre, load, modulus)
-    layer = overlap / float(patch.pressure.max())
-    return AtRest(patch, hard, softened(hard, wheel, rail, load, modulus, layer), overlap)
+    hard = wheel_on_rail.expected(wheel, rail, patch.centre, load, modulus)
+    layer = overlap / float((patch.pressure).max())
+    soft = wheel_on_rail.softened(hard, wheel, rail, load, modulus, layer)
+    return AtRest(patch, hard, soft, overlap)
 
 
 def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Surface:
@@ -236,10 +238,56 @@ def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
 
 def modulus_of(scene: Scene) -> float | None:
     """Return the contact modulus E* of tyre and rail head [Pa], None if they are not isotropic."""
-    constants = []
-    for region in ("tyre", "rail_head"):
-        bodies = [b for b in scene.bodies.values() if region in [r.lower() for r in b.regions]]
-        if len(bodies) != 1 or not isinstance(bodies[0].material, Isotropic):
-            return None
-        constants += [bodies[0].material.youngs_modulus, bodies[0].material.poisson_ratio]
-    return contact_modulus(*constants)
+    tyre, head = material(scene, "tyre"), material(scene, "rail_head")
+    if tyre is None or head is None:
+        return None
+    wheel, rail = ((m.youngs_modulus, m.poisson_ratio) for m in (tyre, head))
+    return contact_modulus(*wheel, *rail)
+
+
+def weight_on_rail(record: Record) -> float | None:
+    """Return the weight that a wheelset with its vehicle puts on the rail [N], None if unknown.
+
+    Assumes gravity along z. The mesh is needed: None for a run without fields.
+    """
+    scene = record.checked
+    if not (record.wheel_on_rail and scene.rolling and scene.gravity):
+        return None
+    wheelset = scene.bodies[scene.rolling.body]
+    parts = [readings.volumes(record, region.lower()) for region in wheelset.regions]
+    volume = sum(float(part.sum()) for part in parts if part is not None)
+    mass = scene.vehicle.sprung_mass if scene.vehicle else 0.0
+    return -scene.gravity[2] * (mass + wheelset.material.density * volume) if volume else None
+
+
+def wheel_at_rest(record: Record) -> Iterator[Expected]:
+    """Expecteds for a wheel at rest on a rail at the first output: weight, and half-spaces.
+
+    Assumes an axle that is level and not held upwards, and isotropic tyre and rail head. None
+    of half-spaces where the patch is too large for them: a flange that lies in the gauge corner.
+    """
+    scene = record.checked
+    mesh = scene.mesh
+    if not isinstance(mesh, WheelRailMesh) or scene.equilibrium is None or not scene.contacts:
+        return
+    first = record.patches_at(next(iter(scene.contacts)), 0)
+    weight, gravity = weight_on_rail(record), scene.gravity or (0.0, 0.0, 0.0)
+    holds = [s for s in (*scene.supports, *scene.equilibrium.hold) if s.surface in WHEELSET]
+    free = all(set(s.directions) <= {"axle", "x"} for s in holds)
+    if weight is not None and first and free and not mesh.roll and not any(gravity[:2]):
+        vertical = sum(patch.vertical_force for patch in first.values())
+        yield Expected("vertical force at rest, weight", "N", vertical, weight, STATICS)
+    try:
+        rest = at_rest(record)
+    except RuntimeError:  # said in the log at the start of the run
+        return
+    if rest is None:
+        return
+    name = "nodal pressure at rest off half-spaces, rms over p0"
+    yield Expected(name, "1", rest.error, 0.0, HALF_SPACE)
+    yield Expected("the same with the penalty's layer", "1", rest.softened_error, 0.0, HALF_SPACE)
+    found, exact = rest.found["nodes"], rest.found["half-space"]
+    names = ("largest pressure at rest", "half axis at rest along", "half axis at rest across")
+    units = ("Pa", "m", "m")
+    for name, unit, value, answer in zip(names, units, found, exact, strict=False):
+        yield Expected(name, unit, value, answer, HALF_SPACE)

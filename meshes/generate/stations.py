@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Columns of nodes along a running surface, found from its slope and curvature."""
+"""Columns of nodes along a running surface, placed by its bends, flange and gauge corner."""
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.arrays import Array
 from meshes.generate.sweep import columns_for
-from meshes.profiles.profiles import Array, Profile
+from meshes.profiles.features import ROUND, TURN, bends, flange_of, gauge_corner_of
+from meshes.profiles.profiles import Profile
 
-ROUND = 1 / 0.050  # a surface more curved than this is a bend [1/m]
-WINDOW = 2e-3  # over which slopes are compared; finer features are roughness [m]
-TURN = np.radians(20.0)  # least turn of a bend
 COARSEST = 0.014  # longest column where the surface is not refined [m]
 SHARPEST = np.radians(25.0)  # largest turn of a column there
 APART = 5e-3  # breaks nearer than this are one [m]
@@ -95,54 +93,6 @@ def stations(
     return Stations(s, sum(counts[0]), sum(counts[0]) + sum(counts[1]))
 
 
-def bends(profile: Profile) -> list[tuple[float, float]]:
-    """Return the stretches in which a profile is round: radius below 50 mm, turn above 20 degrees.
-
-    Ends that lie near a joint of the drawing are moved there; a bend shorter than two windows is a
-    corner, returned with equal ends.
-    """
-    s = np.arange(WINDOW / 2, profile.length - WINDOW / 2, 1e-4)
-    rate = (profile.angle(s + WINDOW / 2) - profile.angle(s - WINDOW / 2)) / WINDOW
-    sign = np.where(np.abs(rate) > ROUND, np.sign(rate), 0.0)
-    change = np.flatnonzero(np.diff(sign)) + 1
-    found = []
-    for run in np.split(np.arange(len(s)), change):
-        turn = abs(float(rate[run].sum())) * 1e-4
-        if sign[run[0]] and turn > TURN:
-            a, b = float(s[run[0]]), float(s[run[-1]])
-            if b - a < 2 * WINDOW:
-                found.append(((a + b) / 2,) * 2)
-            else:
-                found.append((_snapped(profile, a), _snapped(profile, b)))
-    return found
-
-
-def flange_of(profile: Profile) -> tuple[float, float] | None:
-    """Return the tip of the flange of a wheel and where its flank begins to be steepest [m].
-
-    None if the wheel has no flange: nothing beyond 10 mm above the tape circle and 45 degrees.
-    """
-    s = np.arange(0.0, profile.length, 1e-4)
-    y, r = profile.at(s).T
-    steep = -_slope(profile, s)
-    tip = int(np.argmax(r))
-    tread = float(r[np.argmin(np.abs(y))])
-    if r[tip] - tread < 0.010 or y[tip] > 0 or steep[tip:].max() < np.radians(45.0):
-        return None
-    flank = tip + int(np.argmax(steep[tip:] > 0.985 * steep[tip:].max()))
-    return float(s[tip]), float(s[flank])
-
-
-def gauge_corner_of(profile: Profile) -> tuple[float, float] | None:
-    """Return the bend between gauge face and rail top, if the rail has one [m]."""
-    top = float(profile.s[np.argmax(profile.points[:, 1])])
-    for a, b in bends(profile):
-        turn = float(profile.angle(a) - profile.angle(b))
-        if b > a and b < top and turn > np.radians(40.0):
-            return a, b
-    return None
-
-
 def fine_tread(profile: Profile, touch: float | None) -> tuple[float, float]:
     """Return the arc length between which a tread shall be fine: flank to tread, and the touch."""
     flange = flange_of(profile)
@@ -187,15 +137,3 @@ def _fine(profile: Profile, a: float, b: float, size: float, levels: int) -> int
     if b - a < 1.5 * coarse:
         return columns_for(b - a, size, levels)
     return round((b - a) / coarse)
-
-
-def _slope(profile: Profile, s: Array) -> npt.NDArray[np.float64]:
-    """Return the direction of the chord over a window about ``s``."""
-    ahead = profile.at(np.minimum(s + WINDOW / 2, profile.length))
-    behind = profile.at(np.maximum(s - WINDOW / 2, 0.0))
-    return np.asarray(np.arctan2(*(ahead - behind).T[::-1]))
-
-
-def _snapped(profile: Profile, s: float) -> float:
-    joint = float(profile.joints[np.argmin(np.abs(profile.joints - s))])
-    return joint if abs(joint - s) < WINDOW else s

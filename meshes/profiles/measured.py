@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Profiles given as lists of points: worn, measured or drawn elsewhere."""
+"""Profiles from points: worn, measured or drawn elsewhere, given as an array or a text file."""
 
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.profiles.profiles import CHORD, MM, Array, Profile
+from meshes.arrays import Array
+from meshes.profiles.profiles import CHORD, MM, Profile
 
 Kind = Literal["wheel", "rail"]
 
@@ -177,7 +177,7 @@ def _rows(path: Path) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
-def _meets_itself(points: npt.NDArray[np.float64]) -> bool:
+def _meets_itself(points: Array) -> bool:
     """Tell whether any two chords that are not neighbours cross (all pairs, in blocks)."""
     a, b = points[:-1], points[1:]
     n = len(a)

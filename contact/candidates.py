@@ -1,23 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The part of a contact pair near the patch: who may touch, and when to look again."""
+"""Candidates of contact near the patch, and when to search for them again."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from contact.arrays import view
+from contact.arrays import Index32
+from contact.contact_state import ContactState
 from contact.exchange import Exchange
-from contact.history import History
-from contact.overlap import deepest
-from contact.search import Search, typical_edge
+from contact.search import Found, Search, typical_edge
 from contact.surface import Surface
+from meshes.arrays import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int32]
 
 # Between two searches nodes may gain speed. Every 16 steps all of them are measured: while the
 # largest ways of both surfaces together are below the margin, no node can have arrived unseen.
@@ -26,12 +23,12 @@ _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
 
 
-class Neighbourhood:
-    """Candidates of a pair, kept so that no node can touch the target before it is one.
+class Candidates:
+    """Candidates of a pass, kept so that no node can touch the target before it is one.
 
     Attributes:
         search, exchange: What finds the candidates, and what brings their positions.
-        item: Contactor nodes that may touch, ascending, shape ``(k,)``.
+        found: Result of the last search.
         margin: Distance within which a node is a candidate [m].
         reach: Deepest penetration at which contact can begin [m].
     """
@@ -63,12 +60,16 @@ class Neighbourhood:
 
     def forget(self) -> None:
         """Drop all candidates; the next step searches."""
-        self.search.live[:] = 0
         self._steps_left, self._searched = 0, False
         self._watch_left, self._way = _WATCH, 0.0
-        self._choose(np.empty(0, dtype=np.int32))
+        self._choose(self.search.nothing())
 
-    def approach(self, u: Array, v: Array, dt: float, history: History) -> None:
+    @property
+    def item(self) -> Index32:
+        """Contactor nodes that may touch, ascending, shape ``(k,)``."""
+        return self.found.item
+
+    def approach(self, u: Array, v: Array, dt: float, state: ContactState) -> None:
         """Read the candidates, and search again before any other node can arrive."""
         self._steps_left -= 1
         self._watch_left -= 1
@@ -82,7 +83,7 @@ class Neighbourhood:
             self.exchange.whole(u, v)
             if way > self.margin:
                 self._check_unseen(way)
-            self._find(history)
+            self._find(state)
             self._steps_left = self._safe_steps(dt) - 1
 
     def _check_unseen(self, way: float) -> None:
@@ -91,7 +92,7 @@ class Neighbourhood:
         Args:
             way: How far nodes have come closer since the last search, more than the margin [m].
         """
-        depth, c = deepest(self.search, self.exchange.xv, way)
+        depth, c = self._deepest(way)
         if depth > 0.0 and c not in self.item:
             raise RuntimeError(
                 f"contact pair {self.name}: node {self.nodes[c]} was not watched and is "
@@ -99,42 +100,68 @@ class Neighbourhood:
                 f"search, the margin is {self.margin:.3e} m"
             )
 
-    def settle(self, u: Array, history: History) -> None:
+    def update_static(self, u: Array, state: ContactState) -> None:
         """Read a state at rest, and search again if anything moved far."""
         if not (2.0 * self.exchange.whole(u, u) < self.margin and self._searched):
-            self._find(history)
+            self._find(state)
         self._steps_left = 0
 
-    def deepest(self, u: Array, reach: float | None) -> tuple[float, int]:
-        """Return depth [m] and index of the deepest contactor node, see :mod:`contact.overlap`."""
-        self.exchange.whole(u, u)
-        look = 2.0 * self.reach if reach is None else reach
-        live, outward = self.search.live.copy(), self.search.outward.copy()
-        answer = deepest(self.search, self.exchange.xv, look)
-        self.search.live[:], self.search.outward[:] = live, outward
-        self.search.neighbourhood(self.item)
-        return answer
+    def track(self, xv: Any, state: ContactState) -> None:
+        """Follow the closest points at the positions in the view ``xv``."""
+        self.search.track(self.found, xv, state)
 
-    def _find(self, history: History) -> None:
+    def probe(self, above: float, below: float) -> tuple[Found, ContactState]:
+        """Return what a search with nothing in contact finds at the positions last read.
+
+        Args:
+            above: Distance outside the target up to which a node counts [m].
+            below: Depth inside it [m].
+
+        Returns:
+            Candidates and their closest points, gaps and normals.
+        """
+        state = ContactState(self.search.nc)
+        found = self.search.candidates(self.exchange.xv, above, below, state)
+        state.facet[found.item], state.xi[found.item] = found.facet, found.xi
+        self.search.track(found, self.exchange.c_xv, state)
+        return found, state
+
+    def deepest(self, u: Array, reach: float | None) -> tuple[float, int]:
+        """Return depth [m] and index of the deepest contactor node; (0, -1) without overlap.
+
+        Args:
+            u: Displacement, flat [m].
+            reach: Depth up to which overlap is looked for [m]; a cell if None.
+        """
+        self.exchange.whole(u, u)
+        return self._deepest(2.0 * self.reach if reach is None else reach)
+
+    def _deepest(self, reach: float) -> tuple[float, int]:
+        found, state = self.probe(reach, reach)
+        if not found.item.size or not state.gap[found.item].min() < 0.0:
+            return 0.0, -1
+        worst = int(found.item[np.argmin(state.gap[found.item])])
+        return float(-state.gap[worst]), worst
+
+    def _find(self, state: ContactState) -> None:
         xv = self.exchange.xv
         if not np.isfinite(xv).all():
             bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
             where = f"{xv[bad, :3]} m, {xv[bad, 3:]} m/s"
             raise RuntimeError(f"contact pair {self.name}: node {self.nodes[bad]} is at {where}")
-        item = self.search.candidates(
-            xv, self.margin, self.reach, history.stiffness, history.facet, history.xi
-        )
-        held = history.stiffness > 0.0
-        held[item] = False
+        found = self.search.candidates(xv, self.margin, self.reach, state)
+        state.facet[found.item], state.xi[found.item] = found.facet, found.xi
+        held = state.stiffness > 0.0
+        held[found.item] = False
         gone = np.flatnonzero(held)
-        deep = gone[history.gap[gone] < -0.5 * self.margin]
+        deep = gone[state.gap[gone] < -0.5 * self.margin]
         if deep.size:
             raise RuntimeError(
                 f"contact pair {self.name}: node {self.nodes[deep[0]]} went through the target "
-                f"(gap {history.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
+                f"(gap {state.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
             )
-        history.release(gone)
-        self._choose(item)
+        state.release(gone)
+        self._choose(found)
         self._searched = True
         self._watch_left, self._way = _WATCH, 0.0
         self.exchange.mark()
@@ -147,26 +174,25 @@ class Neighbourhood:
         steps = self.margin / max(_SPEED_RESERVE * fastest * dt, 1e-300)
         return max(1, int(min(steps, _LONGEST_INTERVAL)))
 
-    def _choose(self, item: Index) -> None:
-        self.item = np.ascontiguousarray(item)
-        self.c_item = view("item", self.item, (-1,), np.int32)
-        self.exchange.choose(self.search.neighbourhood(self.item))
+    def _choose(self, found: Found) -> None:
+        self.found = found
+        self.exchange.choose(found.nodes)
 
     def saved(self) -> dict[str, npt.NDArray[Any]]:
         """Return what the coming steps depend on, as arrays by name."""
         return {
-            "item": self.item.copy(),
-            "live": self.search.live.copy(),
-            "outward": self.search.outward.copy(),
+            "item": self.found.item.copy(),
+            "live": self.found.live.copy(),
+            "outward": self.found.outward.copy(),
             "past": self.exchange.past.copy(),
             "schedule": np.array([self._steps_left, self._searched, self._watch_left, self._way]),
         }
 
-    def load(self, memory: dict[str, npt.NDArray[Any]]) -> None:
-        """Take over what :meth:`saved` returned."""
-        self.search.live[:] = memory["live"]
-        self.search.outward[:] = memory["outward"]
+    def load(self, memory: dict[str, npt.NDArray[Any]], state: ContactState) -> None:
+        """Take over what :meth:`saved` returned, with the contact state of then."""
+        item = np.array(memory["item"], dtype=np.int32)
+        live, outward = np.array(memory["live"], dtype=np.uint8), np.array(memory["outward"])
+        self._choose(self.search.found(item, state.facet, state.xi, live, outward))
         self.exchange.past[:] = memory["past"]
-        self._choose(np.asarray(memory["item"], dtype=np.int32))
         steps, searched, watch, self._way = memory["schedule"]
         self._steps_left, self._searched, self._watch_left = int(steps), bool(searched), int(watch)
