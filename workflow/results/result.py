@@ -5,13 +5,14 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-from workflow.results.record import Record
+if TYPE_CHECKING:
+    from workflow.results.record import Record
 
 
 @dataclass
@@ -33,8 +34,10 @@ class Result:
             return {name: data[:] for name, data in file["history"].items()}
 
     @cached_property
-    def record(self) -> Record:
+    def record(self) -> "Record":
         """Footprints, patches, mesh and displacements, each read when it is first asked for."""
+        from workflow.results.record import Record  # a run without contact does not need it
+
         return Record(self.folder)
 
 
