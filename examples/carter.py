@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import (
+from contact.theory import (
     carter_creepage,
     carter_stick_ratio,
     carter_traction,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import (
+from contact.theory import (
     cattaneo_mindlin,
     contact_modulus,
     hertz_sphere,

@@ -13,16 +13,14 @@ from mpi4py import MPI
 
 import numpy as np
 
-from contact.theory.closed_forms import contact_modulus, hertz_ellipse
-from workflow import Scene
-from workflow.model.model import build
-from workflow.simulation.initial import start
+from contact.theory import contact_modulus, hertz_ellipse
+from workflow import Scene, build, rest
 
 if __name__ == "__main__":
     size = 1e-3 * float(sys.argv[1]) if len(sys.argv) > 1 else 1e-3
     scene = Scene.load("hertz-ellipse", **{"mesh.size": size})
     model = build(scene, MPI.COMM_SELF)
-    start(model, lambda line: None)  # the static solve; nothing is stepped
+    rest(model)  # the static solve; nothing is stepped
 
     touch = model.pairs["touch"].footprint()
     x, y = touch.position[:, 0], touch.position[:, 1]

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import contact_modulus, hertz_ellipse
-from contact.theory.kalker import coefficient, creep_force
+from contact.theory import contact_modulus, creep_force, hertz_ellipse, kalker
 from workflow import Scene, run
 
 E, NU, RADIUS, CROWN = 210e9, 0.3, 0.46, 0.3
@@ -35,6 +34,6 @@ if __name__ == "__main__":
     speed, G = -scene.driven["rail"].velocity[0], E / (2 * (1 + NU))
     creepage = 1 - scene.driven["wheel"].spin[1] * RADIUS / speed
     linear = creep_force((creepage, 0.0, 0.0), (hertz.a, hertz.b), G, NU)[0]
-    c11 = coefficient("c11", hertz.a / hertz.b, NU)
+    c11 = kalker.coefficient("c11", hertz.a / hertz.b, NU)
     print(f"creepage {creepage:.2e}, force {F:.0f} N, linear theory {linear:.0f} N")
     print(f"c11 {c11 * F / linear:.3f}, Kalker {c11:.3f}, {F / linear - 1:+.1%}")

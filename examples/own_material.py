@@ -15,11 +15,8 @@ import ufl
 from dolfinx import fem, la
 
 from forms import CellKernel, Elastic, Law, full, internal_work, lumped_mass
-from meshes.domain import distribute
-from meshes.shapes.blocks import block
-from meshes.tags import Tag
-from workflow.model.state import State
-from workflow.simulation.stepping import central_difference
+from meshes import Tag, block, distribute
+from workflow import State, central_difference
 
 C1, C2, BULK, RHO = 0.4e6, 0.1e6, 1e9, 1000.0  # [Pa], [kg/m³]
 LENGTH, SIZE, STRETCH = 0.1, 0.01, 2.0  # [m], [m], [-]

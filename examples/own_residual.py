@@ -15,11 +15,8 @@ import ufl
 from dolfinx import fem, la
 
 from forms import CellKernel, full, lumped_mass, nodal_traction
-from meshes.domain import distribute
-from meshes.shapes.blocks import block
-from meshes.tags import Tag
-from workflow.model.state import State
-from workflow.simulation.stepping import central_difference
+from meshes import Tag, block, distribute
+from workflow import State, central_difference
 
 MU, RHO = 1e6, 1000.0  # shear modulus [Pa], density [kg/m³]
 LENGTH, SIZE = 0.1, 0.01  # [m]

@@ -14,13 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import contact_modulus
-from contact.theory.wheel_on_rail import wheel_on_rail
-from meshes.profiles.placement import RADIUS, place, rail_in_track
-from meshes.profiles.profiles import s1002
-from meshes.profiles.surfaces import rail_surface, wheel_surface
-from workflow.results.record import Record
-from workflow.theory.at_rest import at_rest, half_axes
+from contact.theory import contact_modulus, profile_contact
+from meshes.profiles import RADIUS, place, rail_in_track, rail_surface, s1002, wheel_surface
+from workflow import at_rest, half_axes, read_run
 
 LOAD, MODULUS = 84e3, contact_modulus(210e9, 0.3, 210e9, 0.3)
 SHIFTS = 1e-3 * np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])  # towards the gauge face [m]
@@ -30,7 +26,7 @@ def pressed(shift: float):
     """Return what is expected of the wheel at a lateral shift."""
     at = place(shift=shift)
     wheel, rail = wheel_surface(s1002(), RADIUS, at.centre), rail_surface(rail_in_track())
-    return wheel_on_rail(wheel, rail, at.tread_point, LOAD, MODULUS)
+    return profile_contact(wheel, rail, at.tread_point, LOAD, MODULUS)
 
 
 def figure(path, found):
@@ -72,5 +68,5 @@ if __name__ == "__main__":
         )
     if asked.out:
         figure(asked.out, found)
-    if asked.run and (rest := at_rest(Record(asked.run))):
+    if asked.run and (rest := at_rest(read_run(asked.run).record)):
         print(*rest.lines(), sep="\n")

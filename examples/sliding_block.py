@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import sliding_stop
+from contact.theory import sliding_stop
 from workflow import Scene, run
 
 SPEED, FRICTION, PRESSURE, RHO = 2.0, 0.3, 10e6, 7800.0  # [m/s], [-], [Pa], [kg/m³]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import contact_modulus, sphere_impact_time
+from contact.theory import contact_modulus, sphere_impact_time
 from workflow import Scene, run
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.theory.closed_forms import stick_slip_period
+from contact.theory import stick_slip_period
 from workflow import Scene, run
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from workflow.simulation.initial import rest
     from workflow.simulation.run import run
     from workflow.simulation.stepping import central_difference
+    from workflow.theory.at_rest import at_rest, half_axes
 
 __all__ = [
     "Model",
@@ -19,8 +20,10 @@ __all__ = [
     "Scene",
     "SceneError",
     "State",
+    "at_rest",
     "build",
     "central_difference",
+    "half_axes",
     "read_run",
     "rest",
     "run",
@@ -32,8 +35,10 @@ _HOME = {
     "Scene": "scene",
     "SceneError": "scene",
     "State": "model.state",
+    "at_rest": "theory.at_rest",
     "build": "model",
     "central_difference": "simulation.stepping",
+    "half_axes": "theory.at_rest",
     "read_run": "results.result",
     "rest": "simulation.initial",
     "run": "simulation.run",

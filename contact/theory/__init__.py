@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from contact.theory.slip_waves import HalfSpace as HalfSpace
     from contact.theory.slip_waves import slip_wave as slip_wave
     from contact.theory.wheel_on_rail import WheelOnRail as WheelOnRail
+    from contact.theory.wheel_on_rail import profile_contact as profile_contact
 
 _HOME = {
     "HalfSpace": "slip_waves",
@@ -49,6 +50,7 @@ _HOME = {
     "hertz_line": "closed_forms",
     "hertz_sphere": "closed_forms",
     "line_compression": "closed_forms",
+    "profile_contact": "wheel_on_rail",
     "sliding_stop": "closed_forms",
     "slip_wave": "slip_waves",
     "sphere_impact_approach": "closed_forms",

@@ -75,7 +75,7 @@ class WheelOnRail:
         return np.asarray(np.mean([p(points) for points in around], axis=0))
 
 
-def wheel_on_rail(
+def profile_contact(
     wheel: Surface, rail: Surface, near: Array, load: float, modulus: float
 ) -> WheelOnRail:
     """Return the half-space contact of a wheel pressed on a rail.

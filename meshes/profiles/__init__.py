@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from meshes.profiles.measured import from_csv as from_csv
     from meshes.profiles.measured import from_points as from_points
+    from meshes.profiles.placement import RADIUS as RADIUS
     from meshes.profiles.placement import Placement as Placement
     from meshes.profiles.placement import lateral_shift_for as lateral_shift_for
     from meshes.profiles.placement import place as place
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Placement": "placement",
     "Profile": "profiles",
+    "RADIUS": "placement",
     "RAILS": "profiles",
     "from_csv": "measured",
     "from_points": "measured",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
-from contact.theory.wheel_on_rail import gap, wheel_on_rail
+from contact.theory.wheel_on_rail import gap, profile_contact
 from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import Profile, s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
@@ -33,7 +33,7 @@ def test_cylinder_on_a_crown(crown):
     Half-spaces know the true circles, Hertz their paraboloids.
     """
     wheel = wheel_surface(arc(1e5), RADIUS, np.array([0.01, 0.0, RADIUS]))
-    found = wheel_on_rail(
+    found = profile_contact(
         wheel, rail_surface(arc(crown)), np.array([0.012, 0.003, 0.0]), 1e5, MODULUS
     )
     hertz = hertz_ellipse(1e5, RADIUS, crown, MODULUS)
@@ -53,7 +53,7 @@ def test_first_touch_is_where_the_wheel_is_placed(yaw):
     at = place(shift=0.003, yaw=yaw)
     wheel, rail = wheel_surface(s1002(), RADIUS, at.centre, yaw), rail_surface(rail_in_track())
     near = at.tread_point + np.array([0.002, 0.003, 0.0])
-    found = wheel_on_rail(wheel, rail, near, 8e4, MODULUS)
+    found = profile_contact(wheel, rail, near, 8e4, MODULUS)
     assert found.origin == pytest.approx(at.tread_point, abs=3e-4)
     assert np.radians(found.angle) == pytest.approx(at.tread_angle, abs=2e-3)
     touch = gap(wheel, rail, found.origin, found.frame, np.zeros((1, 2)))

@@ -19,6 +19,27 @@ def test_every_example_is_tested():
     assert {p.name for p in EXAMPLES.glob("*.py") if f'"{p.name}"' not in text} == set()
 
 
+FACES = {"workflow", "contact", "contact.theory", "forms", "meshes", "meshes.profiles"}
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_examples_use_public_names_only(path):
+    """What they import is listed by a package in its ``__all__``, as a reader may rely on."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            if node.module.split(".")[0] in {face.split(".")[0] for face in FACES}:
+                assert node.module in FACES
+                listed = importlib.import_module(node.module).__all__
+                assert {name.name for name in node.names} <= set(listed)
+
+
+@pytest.mark.parametrize("face", sorted(FACES))
+def test_every_public_name_is_there(face):
+    """Each name that a package lists can be had from it."""
+    package = importlib.import_module(face)
+    assert all(hasattr(package, name) for name in package.__all__)
+
+
 def test_an_example_runs_by_itself():
     """As a user would start it: a process of its own."""
     command = [sys.executable, EXAMPLES / "two_bars.py"]

@@ -15,7 +15,7 @@ import numpy as np
 
 from contact.creepage import rigid_motion
 from contact.theory.closed_forms import contact_modulus
-from contact.theory.wheel_on_rail import WheelOnRail, wheel_on_rail, with_layer
+from contact.theory.wheel_on_rail import WheelOnRail, profile_contact, with_layer
 from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
@@ -197,7 +197,7 @@ def compared(
     drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
     load = patch.normal_force
-    hard = wheel_on_rail(wheel, rail, patch.centre, load, modulus)
+    hard = profile_contact(wheel, rail, patch.centre, load, modulus)
     layer = overlap / float(patch.pressure.max())
     return AtRest(patch, hard, with_layer(hard, wheel, rail, load, modulus, layer), overlap)
 
