@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Each example runs as a script and ends on its closed form."""
 
+import ast
+import importlib
 import re
 import subprocess
 import sys
