@@ -19,9 +19,7 @@ from forms.elasticity import Elastic, full
 from forms.hourglass import one_point_residual
 from forms.kernel import CellKernel
 from forms.mass import lumped_mass
-from meshes.domain import distribute
-from meshes.shapes.blocks import block
-from meshes.tags import Tag
+from meshes import Tag, block, distribute
 from workflow.simulation.stepping import State, central_difference
 
 C1, C2, BULK, RHO = 0.4e6, 0.1e6, 1e9, 1000.0  # [Pa], [kg/m³]

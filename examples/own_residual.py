@@ -18,9 +18,7 @@ from forms.elasticity import full
 from forms.kernel import CellKernel
 from forms.loads import nodal_traction
 from forms.mass import lumped_mass
-from meshes.domain import distribute
-from meshes.shapes.blocks import block
-from meshes.tags import Tag
+from meshes import Tag, block, distribute
 from workflow.simulation.stepping import State, central_difference
 
 MU, RHO = 1e6, 1000.0  # shear modulus [Pa], density [kg/m³]

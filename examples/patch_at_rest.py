@@ -16,9 +16,8 @@ import numpy as np
 
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import expected
-from meshes.profiles.placement import RADIUS, place, rail_in_track
-from meshes.profiles.profiles import s1002
-from meshes.profiles.surfaces import rail_surface, wheel_surface
+from meshes.profiles import place, rail_in_track, rail_surface, s1002, wheel_surface
+from meshes.profiles.placement import RADIUS
 from workflow.results.record import Record
 from workflow.theory.at_rest import at_rest, half_axes
 
