@@ -130,8 +130,7 @@ def place(
     Raises:
         ValueError: if wheel and rail do not overlap laterally.
     """
-    wheel = s1002() if wheel is None else wheel
-    rail = rail_in_track() if rail is None else rail
+    wheel, rail = wheel or s1002(), rail or rail_in_track()
     s = np.arange(0, wheel.length, SPACING)
     trace = outline(wheel, s, radius, yaw, roll) + np.array([0.0, tape + shift, 0.0])
     flank, tread = _parts(wheel, s)
@@ -139,16 +138,16 @@ def place(
     touch, height, rail_touch = _lower(trace, tread & seen, rail)
     trace[:, 2] += height
 
-    def told(k: int) -> tuple[Array, float, float, float]:
+    def point_of(k: int) -> tuple[Array, float, float, float]:
         angle = contact_angle(wheel, float(s[k]), yaw, roll)
         return trace[k], angle, radius + float(wheel.at(s[k])[1]), float(s[k])
 
     flange: dict[str, Any] = dict.fromkeys(FLANGE)
     if (flank & seen).any():
         nearest, gap, rail_nearest = _nearest(trace, flank & seen, rail)
-        point, angle, circle, at = told(nearest)
-        flange = dict(zip(FLANGE, (point, gap, angle, circle, at, rail_nearest), strict=True))
-    point, angle, circle, at = told(touch)
+        point, *rest = point_of(nearest)
+        flange = dict(zip(FLANGE, (point, gap, *rest, rail_nearest), strict=True))
+    point, angle, circle, at = point_of(touch)
     return Placement(
         shift=shift,
         yaw=yaw,
