@@ -12,7 +12,8 @@ from meshes.profiles.placement import RADIUS, place, rail_in_track
 from meshes.profiles.profiles import Profile, s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
-from workflow.results.record import PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Record
 from workflow.theory.at_rest import at_rest, half_axes, standing
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)

@@ -27,7 +27,8 @@ from workflow.figures import gallery, style
 from workflow.figures.animation import scenery_of
 from workflow.figures.footprint import development
 from workflow.figures.section import cut, surface_nodes, telling_output
-from workflow.results.record import RAIL, Record, patches_of
+from workflow.results.patch_nodes import patches_of
+from workflow.results.record import RAIL, Record
 from workflow.simulation.run import run
 
 YAW, SPEED, RADIUS = 0.02, 22.2, 0.46

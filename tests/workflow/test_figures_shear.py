@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from workflow.figures.shear import centre_row, moments
-from workflow.results.record import Contact, PatchNodes, patches_of
+from workflow.results.patch_nodes import PatchNodes, patches_of
+from workflow.results.record import Contact
 
 
 def patch(nodes, *, shear=(0.0, 0.0), normal=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0), size=2e-3):

@@ -17,7 +17,8 @@ from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.footprint import boxes, development, undeformed
 from workflow.figures.section import cut, row
-from workflow.results.record import Contact, PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Contact, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

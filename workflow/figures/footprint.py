@@ -11,7 +11,8 @@ from meshes.arrays import Array
 from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.view3d import EDGE, Frame, halved, surface
-from workflow.results.record import STEEP, Body, Contact, PatchNodes, Record
+from workflow.results.patch_nodes import STEEP, PatchNodes
+from workflow.results.record import Body, Contact, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,8 @@ from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.closed_forms import closed_forms
 from workflow.figures.shear import FEWEST
-from workflow.results.record import STEEP, Contact, Record
+from workflow.results.patch_nodes import STEEP
+from workflow.results.record import Contact, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

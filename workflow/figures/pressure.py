@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from meshes.arrays import Array
 from workflow.figures import style
-from workflow.results.record import PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Record
 from workflow.theory.smooth import Smooth, smooth
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from meshes.arrays import Array
 from workflow.figures import style
 from workflow.figures.view3d import volume
-from workflow.results.record import RAIL, Body, Contact, PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import RAIL, Body, Contact, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

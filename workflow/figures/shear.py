@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from workflow.figures import style
 from workflow.figures.footprint import boxes
-from workflow.results.record import Contact, PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Contact, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

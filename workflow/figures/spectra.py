@@ -21,7 +21,8 @@ from workflow.results.participation import (
     participation,
     together,
 )
-from workflow.results.record import STEEP, Record
+from workflow.results.patch_nodes import STEEP
+from workflow.results.record import Record
 from workflow.results.samples import PairSamples, Samples, read
 
 if TYPE_CHECKING:

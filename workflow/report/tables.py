@@ -9,7 +9,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from workflow.results.record import PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Record
 from workflow.results.table import PAIRS, Column, Table
 from workflow.scene.keys import flat, is_tables
 from workflow.scene.scene import Scene

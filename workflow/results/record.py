@@ -7,121 +7,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-from contact.footprint import contact_angle, frame_of, shear_angle
 from meshes.arrays import Array
 from meshes.tags import NAMES, Tag
 from workflow.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from workflow.results.patch_nodes import PatchNodes
+
 RAIL = (Tag.RAIL_HEAD, Tag.RAIL_WEB, Tag.RAIL_FOOT)
-STEEP = np.pi / 4  # contact angle from which on a patch counts as gauge corner [rad]
-
-
-@dataclass(frozen=True)
-class PatchNodes:
-    """Nodes of one patch at one output; normals point, and forces act, on the upper body.
-
-    Resultants as in :class:`contact.footprint.Patch`, of nodes as they were written.
-
-    Attributes:
-        position: Current positions, shape ``(n, 3)`` [m].
-        normal: Unit normals, shape ``(n, 3)``.
-        normal_forces: Normal forces, shape ``(n,)`` [N].
-        tangential_forces: Tangential forces, shape ``(n, 3)`` [N].
-        areas: Tributary areas, shape ``(n,)`` [m2].
-        friction: Coefficients of friction, shape ``(n,)`` [-].
-        stick: Where nodes adhere, shape ``(n,)``.
-    """
-
-    position: Array
-    normal: Array
-    normal_forces: Array
-    tangential_forces: Array
-    areas: Array
-    friction: Array
-    stick: npt.NDArray[np.bool_]
-
-    @property
-    def normal_force(self) -> float:
-        """Sum of the normal forces [N]."""
-        return float(self.normal_forces.sum())
-
-    @property
-    def tangential_force(self) -> float:
-        """Size of the vector sum of the tangential forces [N]."""
-        return float(np.linalg.norm(self.tangential_forces.sum(axis=0)))
-
-    @property
-    def vertical_force(self) -> float:
-        """Vertical part of all forces [N]."""
-        return float(self.normal_forces @ self.normal[:, 2] + self.tangential_forces[:, 2].sum())
-
-    @property
-    def pressure(self) -> Array:
-        """Normal force over tributary area, shape ``(n,)`` [Pa]."""
-        return self.normal_forces / self.areas
-
-    @property
-    def area(self) -> float:
-        """Sum of the tributary areas [m2]."""
-        return float(self.areas.sum())
-
-    @property
-    def centre(self) -> Array:
-        """Mean position weighted with the normal force, shape ``(3,)`` [m]."""
-        return np.asarray(self.normal_forces @ self.position / self.normal_forces.sum())
-
-    @property
-    def direction(self) -> Array:
-        """Unit normal of the patch: direction of its normal resultant, shape ``(3,)``."""
-        resultant = self.normal_forces @ self.normal
-        return np.asarray(resultant / np.linalg.norm(resultant))
-
-    @property
-    def frame(self) -> Array:
-        """Longitudinal, lateral and normal direction as rows, shape ``(3, 3)``."""
-        return frame_of(self.direction)
-
-    @property
-    def local(self) -> Array:
-        """Longitudinal and lateral position of the nodes from the centre, ``(n, 2)`` [m]."""
-        return np.asarray((self.position - self.centre) @ self.frame[:2].T)
-
-    @property
-    def shear(self) -> Array:
-        """Longitudinal and lateral shear stress on the lower body, shape ``(n, 2)`` [Pa]."""
-        return np.asarray(-self.tangential_forces @ self.frame[:2].T / self.areas[:, None])
-
-    @property
-    def longitudinal_shear(self) -> float:
-        """Mean longitudinal shear stress on the lower body [Pa]."""
-        return float(self.areas @ self.shear[:, 0] / self.area)
-
-    @property
-    def lateral_shear(self) -> float:
-        """Mean lateral shear stress on the lower body [Pa]."""
-        return float(self.areas @ self.shear[:, 1] / self.area)
-
-    @property
-    def shear_angle(self) -> float:
-        """Angle of the mean shear on the lower body from the negative longitudinal axis [rad].
-
-        Positive towards the negative lateral axis: on a rail to the gauge side and downwards. NaN
-        where shear is less than a thousandth of the normal force.
-        """
-        if self.tangential_force < 1e-3 * self.normal_force:
-            return float("nan")
-        return shear_angle(np.array([-self.longitudinal_shear, -self.lateral_shear]))
-
-    @property
-    def contact_angle(self) -> float:
-        """Angle of the normal from the vertical, in the y-z plane [rad]."""
-        return float(contact_angle(self.direction))
 
 
 @dataclass(frozen=True)
@@ -134,7 +33,7 @@ class Contact:
     """
 
     t: Array
-    patches: list[dict[int, PatchNodes]]
+    patches: list[dict[int, "PatchNodes"]]
 
     def series(self, place: int, quantity: str) -> Array:
         """Return a patch quantity over the outputs, NaN where the patch is not there."""
@@ -207,8 +106,10 @@ class Record:
             found = {name: _contact(group) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
 
-    def patches_at(self, pair: str, output: int) -> dict[int, PatchNodes]:
+    def patches_at(self, pair: str, output: int) -> dict[int, "PatchNodes"]:
         """Return the patches of a pair at one output by place; the last output is -1."""
+        from workflow.results.patch_nodes import patches_of  # a run without contact has none
+
         with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
             group = file["contact"].get(pair, {})
             outputs = sorted(group, key=int)
@@ -268,34 +169,8 @@ class Record:
 
 
 def _contact(group: Any) -> Contact:
+    from workflow.results.patch_nodes import patches_of  # a run without contact has none
+
     outputs = [group[k] for k in sorted(group, key=int)]
     t = np.array([k.attrs["t"] for k in outputs])
     return Contact(t, [patches_of(k) for k in outputs])
-
-
-def patches_of(arrays: Any) -> dict[int, PatchNodes]:
-    """Return the patches of a footprint by place: 1 rail top, 2 gauge corner.
-
-    Patches less steep than 45° count as rail top together, the rest as gauge corner, so a
-    place keeps its number through all outputs.
-
-    Args:
-        arrays: Per-node arrays by name, as in ``results.h5``.
-    """
-    touching = arrays["normal_force"][:] > 0
-    names = ("position", "normal", "normal_force", "tangential_force", "area")
-    nodal = [np.asarray(arrays[name][:], dtype=np.float64)[touching] for name in names]
-    if nodal[1][:, 2].sum() < 0:  # the target is the upper body: look at it the other way round
-        nodal[1], nodal[3] = -nodal[1], -nodal[3]
-    unknown = np.full(touching.sum(), np.nan)
-    friction = arrays["friction"][:][touching] if "friction" in arrays else unknown
-    stick = arrays["stick"][:][touching] if "stick" in arrays else unknown > 0
-    label = arrays["patch"][:][touching]
-    place = np.zeros(len(label), dtype=int)
-    for k in np.unique(label):
-        part = PatchNodes(*(a[label == k] for a in (*nodal, friction, stick)))
-        place[label == k] = 1 if part.contact_angle < STEEP else 2
-    return {
-        int(k): PatchNodes(*(a[place == k] for a in (*nodal, friction, stick)))
-        for k in np.unique(place)
-    }

@@ -5,6 +5,7 @@ from workflow.scene.bodies import Isotropic
 from workflow.scene.scene import Scene
 from workflow.scene.settings import Contact
 
+SMALL = 0.01  # strain, speed over that of waves, up to which waves are linear
 SLENDER = 10.0  # least length over width of a bar whose waves are one-dimensional
 
 

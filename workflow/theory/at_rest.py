@@ -21,7 +21,8 @@ from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.model.geometry import placement_of, profiles_of
-from workflow.results.record import PatchNodes, Record, patches_of
+from workflow.results.patch_nodes import PatchNodes, patches_of
+from workflow.results.record import Record
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene
 from workflow.theory import readings

@@ -14,7 +14,8 @@ from contact.theory.closed_forms import (
     carter_traction,
 )
 from meshes.arrays import Array
-from workflow.results.record import PatchNodes, Record
+from workflow.results.patch_nodes import PatchNodes
+from workflow.results.record import Record
 from workflow.scene.mesh import CurvedMesh
 from workflow.scene.scene import Scene
 from workflow.theory import readings
