@@ -77,9 +77,14 @@ def test_standing_is_read_from_the_surface():
     other = points[:300] + deep
     one = np.ones(100)
     patch = PatchNodes(
-        centre + 1e-3 * rng.normal(size=(100, 3)), np.tile(up, (100, 1)), one,
-        np.zeros((100, 3)), one * np.pi * 0.005**2 / 100, one, one > 0,
-    )  # fmt: skip
+        centre + 1e-3 * rng.normal(size=(100, 3)),
+        np.tile(up, (100, 1)),
+        one,
+        np.zeros((100, 3)),
+        one * np.pi * 0.005**2 / 100,
+        one,
+        one > 0,
+    )
     patch = replace(patch, position=patch.position - patch.centre + centre)
     found = standing(
         rail, np.vstack([points, other]), np.vstack([moved, rng.normal(size=(300, 3))]), patch
