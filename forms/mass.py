@@ -14,6 +14,19 @@ from forms.kernel import CellKernel
 from meshes.arrays import Array
 
 
+def inertia(w: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Any:
+    """Return the form ``∫ ρ (1, 1, 1) · w``, whose vector is the lumped mass.
+
+    Args:
+        w: Test function.
+        dx: Volume measure with the region tags.
+        densities: Density of each group of regions [kg/m³].
+    """
+    ones = ufl.as_vector([1.0, 1.0, 1.0])
+    exact = dx(metadata={"quadrature_degree": 3})
+    return sum(rho * ufl.inner(ones, w) * exact(region) for region, rho in densities.items())
+
+
 def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Array:
     """Return the row-sum lumped mass of every local scalar dof, ghosts included [kg].
 
@@ -33,13 +46,9 @@ def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> 
     """
     if V.mesh.basix_cell().name != "hexahedron" or V.element.basix_element.degree != 1:
         raise ValueError("lumped mass: expected a P1 space on hexahedra")
-    w = ufl.TestFunction(V)
-    ones = ufl.as_vector([1.0, 1.0, 1.0])
-    exact = dx(metadata={"quadrature_degree": 3})
-    form = sum(rho * ufl.inner(ones, w) * exact(region) for region, rho in densities.items())
     mass = dolfinx.la.vector(V.dofmap.index_map, V.dofmap.bs)
     mass.array[:] = 0.0
-    CellKernel(form).add(mass)
+    CellKernel(inertia(ufl.TestFunction(V), dx, densities)).add(mass)
     mass.scatter_reverse(dolfinx.la.InsertMode.add)
     mass.scatter_forward()
     if not np.all(mass.array > 0):

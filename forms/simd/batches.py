@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells of a form in batches of lanes: which cells each integral has, and their dofs by lane."""
+"""Batches of cells, one per lane: the cells of each integral and their dofs by lane."""
 
 from typing import Any
 

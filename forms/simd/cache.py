@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Folders of compiled forms, and what a killed compilation leaves in them.
+"""Cache folders of compiled forms, each with a lock against killed compilations.
 
 FFCx opens ``NAME.c`` before it generates code and writes ``NAME.c.cached`` when the library is
 there; who finds the first without the second waits for it. If the compiling process was killed,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Values at all quadrature points before the loop over them, element vector after it.
+"""Sum factorisation around the loop over quadrature points: values before it, vector after it.
 
 FFCx sums over dofs at each quadrature point. Where a table is a product of one-dimensional factors
 (Lagrange elements on hexahedra with Gauss quadrature), doing so one direction after the other for

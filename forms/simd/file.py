@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What stands at the head of the generated C file: lane types, lane functions, gather, scatter."""
+"""Head of the generated C file: lane types, lane functions, gather, scatter."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from forms.simd import nodes
 suffixes = scalar_file.suffixes
 
 # VECTOR_BYTES, STORED (type of the arrays in memory) and STORED_BYTES come from the command line,
-# see forms/native.py. Padding lanes repeat a cell, so that they compute nothing unusual.
+# see forms/simd/native.py. Padding lanes repeat a cell, so that they compute nothing unusual.
 LANES = """
 typedef {real} real;
 typedef STORED stored;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rank-1 UFL forms over hexahedra as native code that computes several cells at once."""
+"""Native kernels of rank-1 UFL forms over hexahedra, several cells at once."""
 
 import hashlib
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""C text that gathers and scatters the three components of nodes, lane by lane, with shuffles.
+"""C text of gather and scatter of the three components of nodes, lane by lane, with shuffles.
 
 A *block* is what a register holds of the numbers in memory: as many lanes as the kernel has, or
 half of them where it computes in single precision. It is subtracted and converted here.

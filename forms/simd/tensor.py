@@ -10,7 +10,8 @@ import ffcx.codegeneration.lnodes as L
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from meshes.arrays import Array, Index
+
 ROUND_OFF = 1e-14
 Store = Callable[[Any], Any]  # gives an expression a name, so that it is computed once
 
@@ -27,7 +28,7 @@ class Product:
 
     factors: tuple[Array, ...]
     order: tuple[int, ...]
-    pick: npt.NDArray[np.int64]
+    pick: Index
 
     @property
     def rows(self) -> int:

@@ -5,15 +5,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import la
 
 from forms import elements
 from forms.cells import one_point
-from forms.elasticity import Elastic, exact, full
+from forms.elasticity import Elastic, full
 from forms.elements import LAWS, Law
 from forms.kernel import CellIntegral, CellKernel
-from forms.mass import lumped_mass
+from forms.mass import inertia, lumped_mass
 from forms.rank_sums import gathered, own_part
 from forms.viscosity import bulk_viscosity, tangent_viscosity
 from meshes.arrays import Array, Dofs
@@ -150,11 +149,8 @@ class Bodies:
 
     def mass(self, w: Any) -> Any:
         """Return the form whose vector is the lumped mass."""
-        ones, dm = ufl.as_vector([1.0, 1.0, 1.0]), exact(self.domain.msh, self.domain.regions)
-        return sum(
-            self.materials[name].rho * ufl.inner(ones, w) * dm(self.tags(body))
-            for name, body in self.scene.bodies.items()
-        )
+        entries = self.scene.bodies.items()
+        return inertia(w, self.dx, {self.tags(b): self.materials[n].rho for n, b in entries})
 
     def doubts(self) -> Iterator[str]:
         """Yield a line for every choice that is allowed but known to be inaccurate."""
