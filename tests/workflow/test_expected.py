@@ -36,9 +36,10 @@ HERTZ = {
     "half axis a along x, from moments": 0.03,
     "half axis b along y, from moments": 0.03,
 }
-COARSE = HERTZ | {  # a width of a quarter of the half axis
-    "largest pressure p0, node in the middle": 0.06,
-    "half axis b along y, from moments": 0.06,
+COARSE = HERTZ | {  # three cells in a half axis across
+    "largest pressure p0, node in the middle": 0.08,
+    "half axis a along x, from moments": 0.05,
+    "half axis b along y, from moments": 0.08,
 }
 LOADED = {"normal force": 1e-3, "approach": 0.05}
 POWER = "power of friction, force × creepage × speed"
