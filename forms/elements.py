@@ -62,6 +62,8 @@ class Law:
                 P += material.damping * dot(F, material.stress(sym(dot(F.T, grad(v)))))
             return inner(P, grad(w))
 
+        # a checkpoint tells laws by the name of their residual
+        residual.__module__, residual.__qualname__ = psi.__module__, psi.__qualname__
         return Law(residual, energy)
 
 
