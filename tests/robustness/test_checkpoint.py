@@ -62,11 +62,11 @@ def driver(name: str, folder: Path, before: str = "") -> list[str]:
 
 
 @pytest.mark.slow
-def test_row_23_power_cuts(tmp_path):
+def test_row_23_power_cuts(run_scene, tmp_path):
     """Killed ten times wherever it happens to be, resumed each time: the same bit by bit."""
     name, folder, rng = "sliding-block", tmp_path / "cut", random.Random(4)
     scene = Scene.load(name, **SCENES[name])
-    run(scene, tmp_path / "whole", quiet=True)
+    whole = run_scene(name, **SCENES[name])
     slow = """
         import time
         from workflow.simulation import guards
@@ -87,7 +87,7 @@ def test_row_23_power_cuts(tmp_path):
         status = process.wait()
         assert status in (0, -signal.SIGKILL)
         if status == 0:  # it had come to its end: once more
-            assert_same(tmp_path / "whole", folder)
+            assert_same(whole, folder)
             shutil.rmtree(folder)
             continue
         cuts += 1
@@ -95,7 +95,7 @@ def test_row_23_power_cuts(tmp_path):
         with h5py.File(folder / "results.h5", "r") as file:
             assert {"history", "contact"} <= file.keys()
     run(scene, folder, quiet=True, resume=True)
-    assert_same(tmp_path / "whole", folder)
+    assert_same(whole, folder)
 
 
 STRIKE = """
@@ -119,20 +119,20 @@ atomic.SYNC_INTERVAL = 0.0
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", [40, 300, 1000])
-def test_killed_at_every_kind_of_write(first, tmp_path):
+def test_killed_at_every_kind_of_write(first, run_scene, tmp_path):
     """Killed before a system call that writes, for several in a row: nothing is ever lost.
 
     The calls in a row cover new data, journals, their application and the checkpoint itself.
     """
     name, folder = "bar-impact", tmp_path / "cut"
     scene = Scene.load(name, **SCENES[name])
-    run(scene, tmp_path / "whole", quiet=True)
+    whole = run_scene(name, **SCENES[name])
     for at in range(first, first + 7):
         struck = driver(name, folder, STRIKE.format(at=at))
         process = subprocess.run(struck, stderr=subprocess.PIPE, check=False)
         assert process.returncode == -signal.SIGKILL, process.stderr.decode()
         run(scene, folder, quiet=True, resume=True)
-        assert_same(tmp_path / "whole", folder)
+        assert_same(whole, folder)
         shutil.rmtree(folder)
 
 
@@ -196,10 +196,10 @@ def test_broken_files_are_replaced(tmp_path):
     assert "results.h5 was broken" in log and "fields.vtkhdf was broken" in log
 
 
-def test_checkpoint_that_cannot_be_read(tmp_path):
+def test_checkpoint_that_cannot_be_read(run_scene, tmp_path):
     """A damaged checkpoint is bad input, not a wrong answer."""
     scene = Scene.load("bar-impact", **BAR)
-    run(scene, tmp_path / "run", quiet=True)
+    shutil.copytree(run_scene("bar-impact", **BAR), tmp_path / "run")
     path = tmp_path / "run" / "checkpoint" / "state.npz"
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 0xFF
@@ -249,10 +249,9 @@ main()
 """
 
 
-def test_no_room_left(tmp_path):
+def test_no_room_left(run_scene, tmp_path):
     """Files that cannot grow end the run with code 3; what is there can be read and resumed."""
     folder, scene = tmp_path / "full", Scene.load("bar-impact", **BAR)
-    run(scene, tmp_path / "whole", quiet=True)
     words = [w for k, v in BAR.items() for w in ("--set", f"{k}={v}")]
 
     def with_room(size: int, out: Path) -> "subprocess.CompletedProcess[str]":
@@ -266,7 +265,7 @@ def test_no_room_left(tmp_path):
     assert "results cannot be written" in stopped.stderr and "--resume" in stopped.stderr
     assert len(arrays(folder / "results.h5")["history/t"]) > 3
     run(scene, folder, quiet=True, resume=True)
-    assert_same(tmp_path / "whole", folder)
+    assert_same(run_scene("bar-impact", **BAR), folder)
     at_once = with_room(1000, tmp_path / "none")
     assert at_once.returncode == 2 and "cannot be written" in at_once.stderr
 
