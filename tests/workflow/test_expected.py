@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from forms.elements import LAWS
 from workflow import Scene, run
@@ -149,8 +150,15 @@ SLOW = {
         | COARSE,
     ),
 }
+# what other tests run too, for tens of seconds each
+LONG = dict.fromkeys(
+    ("stick-slip", "carter", "kalker-creepage", "tread-rolling"), [pytest.mark.long]
+)
 CASES = [pytest.param(name, *case, id=name) for name, case in FAST.items()]
-CASES += [pytest.param(name, *case, id=name, marks=pytest.mark.slow) for name, case in SLOW.items()]
+CASES += [
+    pytest.param(name, *case, id=name, marks=[pytest.mark.slow, *LONG.get(name, ())])
+    for name, case in SLOW.items()
+]
 
 
 def load(name: str, changes: dict) -> Scene:
@@ -402,12 +410,13 @@ def test_an_error_in_the_theory_is_told_and_ends_no_run(tmp_path, monkeypatch):
 
 def test_terminal_and_report_show_the_table(folders, capsys, monkeypatch):
     """Every quantity, its values and error, and where the answers are from."""
-    from workflow.cli.options import print_summary
+    from workflow.cli.main import tables
+    from workflow.results.table import show
 
     folder = folders("hertz")
     summary = json.loads((folder / "summary.json").read_text("utf-8"))
     monkeypatch.setenv("COLUMNS", "160")
-    print_summary(summary, folder)
+    show(tables(summary, folder), Console())
     shown = capsys.readouterr().out
     pytest.importorskip("jinja2")
     from workflow.report.page import contents, render
@@ -417,13 +426,13 @@ def test_terminal_and_report_show_the_table(folders, capsys, monkeypatch):
         assert answer["quantity"] in shown and f"{answer['expected']:.5g}" in shown
         assert answer["quantity"].replace("'", "&#39;") in page and answer["source"] in page
     assert "Johnson, Contact Mechanics" in shown
-    print_summary(summary | {"expected": []}, folder)
+    show(tables(summary | {"expected": []}, folder), Console())
     assert "theory" not in capsys.readouterr().out
 
 
 def test_cases_of_contact_are_those_of_its_table():
     """The five cases are the rows of the table; between them the traction grows evenly."""
-    path = Path(__file__).parent / "data" / "contact_tread_rolling_summary.csv"
+    path = Path(__file__).parents[1] / "data" / "contact_tread_rolling_summary.csv"
     rows = csv.DictReader(path.read_text("utf-8").splitlines()[1:])
     keys = ("mu", "traction_coeff", "creepage_cksi", "stick_area_fraction")
     table = sorted(tuple(float(row[k]) for k in keys) for row in rows)

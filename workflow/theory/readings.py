@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Readings of a result folder that closed forms are compared with: forces and motion of bodies."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from meshes.arrays import Array
 from meshes.quality import cell_volumes
-from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
+
+if TYPE_CHECKING:
+    from workflow.results.patch_nodes import PatchNodes
 
 
 def forces(record: Record) -> tuple[Array, Array, Array]:
@@ -33,7 +37,7 @@ def until(record: Record) -> float:
     return float(t[-1]) if len(t) else -1.0
 
 
-def patch_at_end(record: Record) -> PatchNodes | None:
+def patch_at_end(record: Record) -> "PatchNodes | None":
     """Patch with most force of the first pair at the last output, None if nothing touches there."""
     patches = record.patches_at(next(iter(record.scene["contacts"])), -1).values()
     return max(patches, key=lambda p: p.normal_force, default=None)
