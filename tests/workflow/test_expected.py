@@ -150,13 +150,12 @@ SLOW = {
         | COARSE,
     ),
 }
-# what other tests run too, for tens of seconds each
-LONG = dict.fromkeys(
-    ("stick-slip", "carter", "kalker-creepage", "tread-rolling"), [pytest.mark.long]
-)
+LONG = ("stick-slip", "carter", "kalker-creepage", "tread-rolling")  # other tests run them too
 CASES = [pytest.param(name, *case, id=name) for name, case in FAST.items()]
 CASES += [
-    pytest.param(name, *case, id=name, marks=[pytest.mark.slow, *LONG.get(name, ())])
+    pytest.param(
+        name, *case, id=name, marks=[pytest.mark.slow] + [pytest.mark.long] * (name in LONG)
+    )
     for name, case in SLOW.items()
 ]
 
