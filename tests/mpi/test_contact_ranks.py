@@ -71,7 +71,7 @@ def test_two_ranks_equal_one(mpirun, tmp_path):
     """Forces, energies and footprints on 1 and 2 ranks agree to round-off; ranks hold the same."""
     root = Path(__file__).parents[2]
     path = os.environ | {"PYTHONPATH": str(root)}
-    mpirun(2, __file__, tmp_path, timeout=60, cwd=root, env=path)
+    mpirun(2, __file__, tmp_path, cwd=root, env=path)
     for case, options in CASES.items():
         serial = drive(MPI.COMM_SELF, **options)
         ranks = [np.load(tmp_path / f"{case}.{r}.npz") for r in range(2)]
