@@ -16,10 +16,12 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem.petsc import assemble_matrix
+from scipy.optimize import brentq
 
 from forms.kernel import compiled
 from meshes.arrays import Array
 from workflow.model import Model
+from workflow.model.geometry import cell_size
 from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.guards import GuardError
 
@@ -29,7 +31,7 @@ DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 MANY = 30  # steps of conjugate gradients that take as long as new factors, about
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift
-HALVINGS = 6  # of a step that ends all contact, before it is believed
+LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
 
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
@@ -52,37 +54,84 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
     Raises:
         GuardError: if it has not converged.
     """
-    model, settings = problem.model, problem.settings
-    state, n = model.state, 3 * model.domain.owned
+    model, settings, comm = problem.model, problem.settings, problem.model.domain.msh.comm
+    n = 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
-    du.array[:] = 0.0
-    touched, halved = False, 0
+    residual, size = problem.out_of_balance(), np.inf
     for iteration in range(settings.max_iterations + 1):
-        residual = problem.out_of_balance()
-        scale = problem.load_size()
-        residual.array[problem.held] = 0.0
         own = residual.array[:n]
         # numpy, not PETSc, whose norms are remembered while the array changes beneath
-        size = float(np.sqrt(model.domain.msh.comm.allreduce(own @ own))) / scale
+        size = float(np.sqrt(comm.allreduce(own @ own))) / problem.load_size()
         active = sum(p.active for p in model.pairs.values())
         log(f"equilibrium {iteration}: residual {size:.2e}, {active} contact nodes")
         if size <= tolerance:
+            check_all_seen(model)
             return iteration
         if not np.isfinite(size):
             break
-        if touched and not active and halved < HALVINGS:
-            # too long a step took all contact away; without its springs the body would fall on
-            du.array[:n] *= -0.5 if halved == 0 else 0.5
-            halved += 1
-        else:
-            solver.solve(contact_springs(model), residual, du)
-            touched, halved = active > 0, 0
-        state.u.x.array[:n] += du.array[:n]
-        state.u.x.scatter_forward()
+        solver.solve(contact_springs(model), residual, du)
+        share = along(problem, residual, du)
+        if share < 1.0:
+            log(f"equilibrium {iteration}: {share:.3f} of the step taken")
+        residual = problem.model.state.a
     raise GuardError(
         f"equilibrium: residual {size:.1e} of the load after {iteration} iterations, expected "
         f"{tolerance:.0e}; try another equilibrium.approach or more equilibrium.hold"
     )
+
+
+def along(problem: AtRest, residual: la.Vector, du: la.Vector) -> float:
+    """Go along a Newton step until its forces balance roughly, in place; return how far, 0 to 1.
+
+    The work of the forces out of balance per share of the step falls from a positive value. Where
+    the whole step leaves a negative one it has gone too far, because nodes have lost or found
+    contact on the way, and a share with less than :data:`LEFT` of it is looked for.
+
+    Args:
+        problem: The model with its loads at rest; ``state.a`` are the forces at the end [N].
+        residual: Forces out of balance at the start [N]; overwritten.
+        du: The step [m].
+    """
+    model = problem.model
+    n, comm, u = 3 * model.domain.owned, model.domain.msh.comm, model.state.u.x
+    step, before = du.array[:n].copy(), u.array[:n].copy()
+
+    def work(share: float) -> float:
+        u.array[:n] = before + share * step
+        u.scatter_forward()
+        return float(comm.allreduce(float(problem.out_of_balance().array[:n] @ step)))
+
+    start = float(comm.allreduce(float(residual.array[:n] @ step)))
+    end = work(1.0)
+    if end >= -LEFT * start:
+        return 1.0
+    known = {0.0: start, 1.0: end}
+
+    def left(share: float) -> float:
+        value = known[share] if share in known else work(share)
+        return 0.0 if abs(value) <= LEFT * start else value  # ends the search
+
+    share = float(brentq(left, 0.0, 1.0, xtol=1e-3, disp=False))
+    work(share)
+    return share
+
+
+def check_all_seen(model: Model) -> None:
+    """Raise GuardError where bodies overlap deeper than the contact that bears the load knows.
+
+    Contact is looked for to a depth of half a cell; a step of the solver that is longer than small
+    cells can carry nodes beyond it, and rest without them is not rest.
+    """
+    size = cell_size(model.scene, model.domain.source)
+    for name, pair in model.pairs.items():
+        depth, node, place = pair.penetration(model.state, 50 * size)
+        if depth > 1.01 * pair.max_penetration + 1e-9:
+            x, y, z = place
+            raise GuardError(
+                f"equilibrium: contacts.{name}: node {node} at x = {x:.5f}, y = {y:.5f}, "
+                f"z = {z:.5f} m is {depth:.2e} m deep and not in contact, whose deepest overlap is "
+                f"{pair.max_penetration:.2e} m; try a smaller equilibrium.approach"
+            )
 
 
 def elastic_stiffness(model: Model) -> PETSc.Mat:
