@@ -134,8 +134,8 @@ class ContactPair:
             raise ValueError(f"contact pair {self.name}: two passes need two deformable surfaces")
         if self.last:
             raise ValueError(
-                "two_pass: expected method penalty or modulus-penalty; what fits the gaps at the end "
-                "of the step is solved for in one pass"
+                "two_pass: expected a penalty method, penalty or modulus-penalty; forces that fit the "
+                "gaps at the end of the step are solved for in one pass"
             )
 
     def reset(self) -> None:

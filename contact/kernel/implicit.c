@@ -209,7 +209,7 @@ static int64_t close_rows(const system_t *s, int64_t m) {
   wr_state *h = s->state;
   wr_totals *total = h->totals;
   const double normal = total->normal_energy, tangential = total->tangential_energy;
-  const int moving = s->kick == s->dt; /* else the first step, which has no first half */
+  const int moving = s->kick == s->dt; /* else the first step: no first half but that of impacts */
   int64_t count = 0;
   begin_step(total);
   for (int64_t i = 0; i < m; i++) {
@@ -220,12 +220,13 @@ static int64_t close_rows(const system_t *s, int64_t m) {
       continue;
     }
     double w[3], spin[3];
+    const int struck = !(h->normal_force[c] > 0.0);
     h->normal_force[c] = r->p;
     memcpy(h->tangential_force + 3 * c, r->t, sizeof r->t);
     if (!s->solver->springs)
       h->stiffness[c] = r->inverse / (s->dt * s->dt);
     relative(s->pass, h, c, 0.0, w, spin);
-    count_work(h, c, moving ? s->dt : 0.0, w);
+    count_work(h, c, moving || struck ? s->kick : 0.0, w);
     total->normal_energy += 0.5 * s->dt * r->give[0] * r->p * r->p;
     total->tangential_energy += 0.5 * s->dt * r->give[1] * dot3(r->t, r->t);
     h->touching[count++] = (int32_t)c;

@@ -72,8 +72,8 @@ class Contact(Section):
             )
         if self.two_pass and (implicit or isinstance(self.target, RigidWall)):
             raise ValueError(
-                "contacts: two_pass = true: expected method = 'penalty' or 'modulus-penalty' and "
-                "two deformable surfaces"
+                "contacts: two_pass = true: expected a penalty method, 'penalty' or "
+                "'modulus-penalty', and two deformable surfaces"
             )
         return self
 
