@@ -77,9 +77,9 @@ class Pass:
     def _bind(self) -> Any:
         """Return the pass for the kernel."""
         o, exchange = self.options, self.candidates.exchange
-        per_mass = o.penalty / o.dt**2
+        self._per_mass = o.penalty / o.dt**2
         if o.method == "lagrange" and not o.smooth:
-            per_mass *= STATIC
+            self._per_mass *= STATIC
         c = struct(
             "wr_pass",
             target=self.candidates.search.c,
@@ -87,7 +87,7 @@ class Pass:
             mass=np.concatenate([self.contactor.mass, self.target.mass]),
             area=self.area,
             dof=np.concatenate([self.contactor.dofs, self.target.dofs]),
-            per_mass=per_mass,
+            per_mass=self._per_mass,
             per_area=o.penalty,
             damping=o.damping,
             tangential=o.tangential,
@@ -188,6 +188,11 @@ class Pass:
         h.friction[c] = value
 
     # ---- statics --------------------------------------------------------------------------
+
+    def soften(self, share: float) -> None:
+        """Make springs ``share`` as stiff as the options say, and forget those that there are."""
+        self._c.per_mass = share * self._per_mass
+        self.contact_state.clear()
 
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].

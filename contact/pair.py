@@ -157,6 +157,14 @@ class ContactPair:
 
     # ---- statics --------------------------------------------------------------------------
 
+    def soften(self, share: float) -> None:
+        """Make springs ``share`` as stiff as they are in a run, on the way to rest; 1 at its end.
+
+        All contact is forgotten: that of the next search has the new stiffness.
+        """
+        for side in self.passes:
+            side.soften(share)
+
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].
 

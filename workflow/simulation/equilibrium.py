@@ -31,6 +31,9 @@ DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 MANY = 30  # steps of conjugate gradients that take as long as new factors, about
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift
+ALIKE = 0.1  # change of the springs of the same nodes that the tangent need not follow
+SOFT = 0.5  # penalty with which nodes find their place before stiffer springs take over
+STIFFER = 8.0  # times at most from one solve to the next
 LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
 
 Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
@@ -39,7 +42,26 @@ Triplets = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 def equilibrium(problem: AtRest, log: Log) -> Solve:
     """Return Newton's method as a solver of a model at rest; its factors last from call to call."""
     solver, tolerance = Solver(problem.model, problem.held), problem.settings.tolerance
-    return lambda rough: newton(problem, solver, max(ROUGH, tolerance) if rough else tolerance, log)
+    contacts, roughly = problem.model.scene.contacts, max(ROUGH, tolerance)
+    stiff = {
+        name: contacts[name].penalty / SOFT
+        for name in problem.model.pairs
+        if contacts[name].method == "implicit-penalty"
+    }
+    stages = max(0, int(np.ceil(np.log(max(stiff.values(), default=1.0)) / np.log(STIFFER))))
+
+    def solve(rough: bool) -> int:
+        used = 0
+        for k in range(stages + 1):
+            for name, factor in stiff.items() if stages else ():
+                problem.model.pairs[name].soften(min(1.0, factor ** (k / stages - 1)))
+            if rough or k < stages:
+                used += newton(problem, solver, roughly, log)
+            if rough:
+                return used
+        return used + newton(problem, solver, tolerance, log)
+
+    return solve
 
 
 def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int:
@@ -85,7 +107,8 @@ def along(problem: AtRest, residual: la.Vector, du: la.Vector) -> float:
 
     The work of the forces out of balance per share of the step falls from a positive value. Where
     the whole step leaves a negative one it has gone too far, because nodes have lost or found
-    contact on the way, and a share with less than :data:`LEFT` of it is looked for.
+    contact on the way, and a share with less than :data:`LEFT` of it is looked for; a step that
+    takes all contact away leaves only the small work of the loads.
 
     Args:
         problem: The model with its loads at rest; ``state.a`` are the forces at the end [N].
@@ -102,8 +125,10 @@ def along(problem: AtRest, residual: la.Vector, du: la.Vector) -> float:
         return float(comm.allreduce(float(problem.out_of_balance().array[:n] @ step)))
 
     start = float(comm.allreduce(float(residual.array[:n] @ step)))
+    touched = any(pair.active for pair in model.pairs.values())
     end = work(1.0)
-    if end >= -LEFT * start:
+    parted = touched and not any(pair.active for pair in model.pairs.values())
+    if start <= 0.0 or end >= (0.0 if parted else -LEFT * start):
         return 1.0
     known = {0.0: start, 1.0: end}
 
@@ -179,6 +204,7 @@ class Solver:
             self.fixed.axpy(1.0, self._matrix(springs), structure=DIFFERENT)
         self.ksp: PETSc.KSP | None = None
         self.places: Array = np.zeros(0)
+        self.size = 0.0
 
     def _matrix(self, triplets: Triplets) -> PETSc.Mat:
         rows, columns, values = triplets
@@ -192,14 +218,15 @@ class Solver:
     def solve(self, springs: Triplets, residual: la.Vector, du: la.Vector) -> None:
         """Solve ``K du = residual`` with the held dofs at rest, into ``du``.
 
-        While the touching nodes and facets stay the same the tangent is kept: their springs turn
-        by less than its error, which is that of the undeformed shape.
+        While the touching nodes and facets stay the same, and their springs as stiff, the tangent
+        is kept: they turn by less than its error, which is that of the undeformed shape.
         """
-        rows, columns, _ = springs
-        places = rows * 3 * du.index_map.size_global + columns
+        rows, columns, values = springs
+        places, size = rows * 3 * du.index_map.size_global + columns, float(np.abs(values).sum())
         same = self.ksp is not None and np.array_equal(places, self.places)
+        same = same and abs(size - self.size) <= ALIKE * size
         if not self.comm.allreduce(same, op=MPI.LAND):
-            self.places = places
+            self.places, self.size = places, size
             self._set(self._matrix(springs), 3 * du.index_map.local_range[0])
         assert self.ksp is not None
         self.ksp.solve(residual.petsc_vec, du.petsc_vec)
