@@ -88,7 +88,7 @@ class ContactPair:
             damping: Normal damping as a fraction of critical [-].
             tangential: Tangential over normal stiffness [-].
             reach: Deepest penetration at which contact can begin [m]; half a cell if None.
-            method: ``penalty``, ``modulus-penalty``, ``implicit-penalty`` or ``lagrange``; the last
+            method: ``penalty``, ``modulus-penalty``, ``implicit-penalty``, ``lagrange``; the last
                 two must be added when ``force`` holds all other forces on owned dofs.
             smooth: Curve the target's facets by their averaged normals.
             sharp_angle: Facets of a smooth target that meet at more keep their edge [rad].
@@ -134,8 +134,8 @@ class ContactPair:
             raise ValueError(f"contact pair {self.name}: two passes need two deformable surfaces")
         if self.last:
             raise ValueError(
-                "two_pass: expected a penalty method, penalty or modulus-penalty; forces that fit the "
-                "gaps at the end of the step are solved for in one pass"
+                "two_pass: expected a penalty method, penalty or modulus-penalty; forces that fit "
+                "the gaps at the end of the step are solved for in one pass"
             )
 
     def reset(self) -> None:

@@ -138,9 +138,9 @@ static void begin_step(wr_totals *t) {
 static double stiffness_at_birth(const wr_pass *p, const wr_state *h, size_t c, double *m) {
   double shared;
   *m = effective_mass(p, h, c, &shared);
-  return p->foundation_c ? p->per_area * shared *
-                               fmin(p->foundation_c[c], p->foundation_t[h->facet[c]])
-                         : p->per_mass * *m;
+  return p->foundation_c
+             ? p->per_area * shared * fmin(p->foundation_c[c], p->foundation_t[h->facet[c]])
+             : p->per_mass * *m;
 }
 
 static void give_birth(const wr_pass *p, wr_state *h, size_t c) {

@@ -137,7 +137,8 @@ static double sweep(const system_t *s, int64_t m) {
     double w[3], old[3], impulse[3], moved = 0.0;
     given(r, dv, c, nodes, w);
     const double W = kick / r->inverse, before = r->p;
-    const double p = before - (r->gap / dt + dot3(w, r->n) + before * r->give[0]) / (W + r->give[0]);
+    const double p =
+        before - (r->gap / dt + dot3(w, r->n) + before * r->give[0]) / (W + r->give[0]);
     r->p = p > 0.0 ? p : 0.0;
     memcpy(old, r->t, sizeof old);
     const double limit = r->friction * r->p;
@@ -146,8 +147,8 @@ static double sweep(const system_t *s, int64_t m) {
         w[a] += r->w[a];
       const double along = dot3(w, r->n);
       for (int a = 0; a < 3; a++)
-        r->t[a] -= (w[a] - along * r->n[a] + (r->t[a] - r->held[a]) * r->give[1]) /
-                   (W + r->give[1]);
+        r->t[a] -=
+            (w[a] - along * r->n[a] + (r->t[a] - r->held[a]) * r->give[1]) / (W + r->give[1]);
       const double size = sqrt(dot3(r->t, r->t));
       for (int a = 0; a < 3 && size > limit; a++)
         r->t[a] *= limit / size;
@@ -223,6 +224,7 @@ static int64_t close_rows(const system_t *s, int64_t m) {
     const int struck = !(h->normal_force[c] > 0.0);
     h->normal_force[c] = r->p;
     memcpy(h->tangential_force + 3 * c, r->t, sizeof r->t);
+    h->gap[c] = -s->dt * r->give[0] * r->p; /* at t + dt, with the force */
     if (!s->solver->springs)
       h->stiffness[c] = r->inverse / (s->dt * s->dt);
     relative(s->pass, h, c, 0.0, w, spin);

@@ -240,8 +240,9 @@ def flange_arcs(
         ValueError: as :func:`lateral_shift_for`.
     """
     wheel, rail = wheel or s1002(), rail or rail_in_track()
-    turn = {"radius": radius, "yaw": yaw, "roll": roll, "tape": tape}
-    found = lateral_shift_for(wheel, rail, flange_gap=-PRESSED, **turn)
+    found = lateral_shift_for(
+        wheel, rail, flange_gap=-PRESSED, radius=radius, yaw=yaw, roll=roll, tape=tape
+    )
     assert found.flange_s is not None
     s = np.arange(0, wheel.length, SPACING)
     trace = outline(wheel, s, radius, yaw, roll) + found.centre

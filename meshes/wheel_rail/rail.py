@@ -53,8 +53,8 @@ def rail(
         strip: Part of the completed profile with narrower cells.
 
     Raises:
-        ValueError: if the size, profile or strip is out of range or the zone, with its transitions, not
-            on the rail.
+        ValueError: if the size, profile or strip is out of range or the zone, with its
+            transitions, not on the rail.
     """
     levels = levels_for(size)
     head = completed(drawn_rail(design) if profile is None else profile, design)

@@ -68,7 +68,7 @@ def scale_masses(
     connections: Connections | None,
     log: Callable[[str], Any],
 ) -> AddedMass:
-    """Add mass to the cells of ``bodies``, in place, until the step asked for is stable; collective.
+    """Add mass to the cells of ``bodies`` until the step asked for is stable; collective.
 
     Args:
         bodies: Bodies with their forms; the density of their inertia is changed.
