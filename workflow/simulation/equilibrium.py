@@ -124,21 +124,26 @@ def along(problem: AtRest, residual: la.Vector, du: la.Vector) -> float:
         u.scatter_forward()
         return float(comm.allreduce(float(problem.out_of_balance().array[:n] @ step)))
 
+    def parted() -> bool:
+        return touched and not any(pair.active for pair in model.pairs.values())
+
     start = float(comm.allreduce(float(residual.array[:n] @ step)))
     touched = any(pair.active for pair in model.pairs.values())
     end = work(1.0)
-    parted = touched and not any(pair.active for pair in model.pairs.values())
-    if start <= 0.0 or end >= (0.0 if parted else -LEFT * start):
+    if start <= 0.0 or end >= (0.0 if parted() else -LEFT * start):
         return 1.0
-    known = {0.0: start, 1.0: end}
+    known, pressed = {0.0: start, 1.0: end}, 0.0
 
     def left(share: float) -> float:
+        nonlocal pressed
         value = known[share] if share in known else work(share)
-        return 0.0 if abs(value) <= LEFT * start else value  # ends the search
+        if value > 0.0:
+            pressed = max(pressed, share)  # as far as nodes have not parted
+        return 0.0 if 0.0 <= value <= LEFT * start else value  # 0 ends the search
 
     share = float(brentq(left, 0.0, 1.0, xtol=1e-3, disp=False))
-    work(share)
-    return share
+    work(pressed or share)
+    return pressed or share
 
 
 def check_all_seen(model: Model) -> None:
