@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _WATCH = 16
 _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
+_DEEP = 4.0
+_COMMON = 30.0  # percentile of edge lengths
 
 
 class Candidates:
@@ -51,11 +53,13 @@ class Candidates:
             np.concatenate([contactor.dofs, target.dofs]),
             comm,
         )
-        cell = typical_edge(target if contactor.rigid else contactor)
+        fine = target if contactor.rigid else contactor
+        cell = typical_edge(fine)
         self.reach = 0.5 * cell if reach is None else float(reach)
         if not (self.reach > 0.0 and np.isfinite(self.reach)):
             raise ValueError(f"reach: expected a positive length, got {reach} m")
-        self.margin = max(cell, self.reach)
+        # a narrow strip of small cells must not make searches frequent
+        self.margin = max(cell, typical_edge(fine, _COMMON), self.reach)
         self.forget()
 
     def forget(self) -> None:
@@ -83,7 +87,7 @@ class Candidates:
             self.exchange.whole(u, v)
             if way > self.margin:
                 self._check_unseen(way)
-            self._find(state)
+            self._find(state, self.reach)
             self._steps_left = self._safe_steps(dt) - 1
 
     def _check_unseen(self, way: float) -> None:
@@ -101,9 +105,13 @@ class Candidates:
             )
 
     def update_static(self, u: Array, state: ContactState) -> None:
-        """Read a state at rest, and search again if anything moved far."""
+        """Read a state at rest, and search again if anything moved far.
+
+        On its way to rest a solver may press bodies far into each other: nodes count to a depth of
+        :data:`_DEEP` margins.
+        """
         if not (2.0 * self.exchange.whole(u, u) < self.margin and self._searched):
-            self._find(state)
+            self._find(state, _DEEP * self.margin)
         self._steps_left = 0
 
     def track(self, xv: Any, state: ContactState) -> None:
@@ -143,13 +151,13 @@ class Candidates:
         worst = int(found.item[np.argmin(state.gap[found.item])])
         return float(-state.gap[worst]), worst
 
-    def _find(self, state: ContactState) -> None:
+    def _find(self, state: ContactState, below: float) -> None:
         xv = self.exchange.xv
         if not np.isfinite(xv).all():
             bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
             where = f"{xv[bad, :3]} m, {xv[bad, 3:]} m/s"
             raise RuntimeError(f"contact pair {self.name}: node {self.nodes[bad]} is at {where}")
-        found = self.search.candidates(xv, self.margin, self.reach, state)
+        found = self.search.candidates(xv, self.margin, below, state)
         state.facet[found.item], state.xi[found.item] = found.facet, found.xi
         held = state.stiffness > 0.0
         held[found.item] = False

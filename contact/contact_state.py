@@ -33,7 +33,6 @@ class ContactState:
         self.damper = np.zeros(nc)
         self.normal_force = np.zeros(nc)
         self.damping_force = np.zeros(nc)
-        self.approach = np.zeros(nc)
         self.tangential_force = np.zeros((nc, 3))
         self.slip = np.zeros((nc, 3))
         self.friction = np.zeros(nc)
@@ -55,7 +54,7 @@ class ContactState:
     def clear(self, nodes: Index | slice = slice(None)) -> None:
         """Forget the contact of ``nodes`` (all if left out)."""
         self.stiffness[nodes] = self.damper[nodes] = self.offset[nodes] = 0.0
-        self.normal_force[nodes] = self.damping_force[nodes] = self.approach[nodes] = 0.0
+        self.normal_force[nodes] = self.damping_force[nodes] = 0.0
         self.tangential_force[nodes] = self.slip[nodes] = 0.0
 
     def faded(self, item: Index32, t: float, over: float, always: bool, rest: bool) -> float:

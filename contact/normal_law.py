@@ -8,8 +8,11 @@
     bulk modulus, area of the facet, volume of the cell), with the softer of both sides as there.
     A is the tributary area of the node or that of the target there, whichever is smaller. The
     spring does not depend on the step, which it may shorten.
+``implicit-penalty``
+    The spring of ``penalty``, with the gap at t + dt (:mod:`contact.implicit`): stable at any
+    stiffness, so that ``penalty`` may be 10 or 100 and the step stays as it is.
 ``lagrange``
-    Forces that close the gap at t + dt (:mod:`contact.lagrange`). The step stays as it is.
+    Forces that close the gap at t + dt, the same without give.
 """
 
 import numpy as np

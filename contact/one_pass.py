@@ -12,9 +12,9 @@ from contact.candidates import Candidates
 from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
 from contact.friction import Coulomb, LawState, coefficients
-from contact.lagrange import Lagrange
+from contact.implicit import Implicit
 from contact.normal_law import node_foundation
-from contact.options import Options
+from contact.options import IMPLICIT, Options
 from contact.patches import beside, parted
 from contact.search import Found
 from contact.surface import Surface, tributary_area
@@ -62,23 +62,24 @@ class Pass:
         below = options.sharp_angle if options.smooth else None
         self.candidates = Candidates(contactor, target, comm, options.reach, name, below)
         self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
-        lasting = options.method == "lagrange"
+        implicit = options.method in IMPLICIT
         self.contact_state = ContactState(
-            len(contactor.nodes), np.inf if lasting else options.tangential
+            len(contactor.nodes), np.inf if implicit else options.tangential
         )
         self._c = self._bind()
         self._c_friction = view("friction", self.contact_state.friction, (-1,))
-        self._lagrange: Lagrange | None = None
-        if lasting:
-            self._lagrange = Lagrange(self.candidates, self.contact_state, self._c)
+        self._implicit: Implicit | None = None
+        if implicit:
+            springs = options.method != "lagrange"
+            self._implicit = Implicit(self.candidates, self.contact_state, self._c, springs)
         self.reset()
 
     def _bind(self) -> Any:
         """Return the pass for the kernel."""
         o, exchange = self.options, self.candidates.exchange
-        per_mass = o.penalty / o.dt**2
+        self._per_mass = o.penalty / o.dt**2
         if o.method == "lagrange" and not o.smooth:
-            per_mass *= STATIC
+            self._per_mass *= STATIC
         c = struct(
             "wr_pass",
             target=self.candidates.search.c,
@@ -86,7 +87,7 @@ class Pass:
             mass=np.concatenate([self.contactor.mass, self.target.mass]),
             area=self.area,
             dof=np.concatenate([self.contactor.dofs, self.target.dofs]),
-            per_mass=per_mass,
+            per_mass=self._per_mass,
             per_area=o.penalty,
             damping=o.damping,
             tangential=o.tangential,
@@ -127,8 +128,8 @@ class Pass:
             self._update_static(state)
         else:
             self.candidates.approach(state.u.x.array, state.v.x.array, self.dt, h)
-            if self._lagrange is not None:
-                self._close(self._lagrange, state, force.array)
+            if self._implicit is not None:
+                self._look_ahead(self._implicit, state, force.array)
                 return
             self._update(self.dt, state.t)
             if not isinstance(self.options.law, Coulomb):
@@ -137,17 +138,25 @@ class Pass:
         c_force = view("force", force.array, (-1,), out=True)
         lib.wr_friction(self._c, h.c, self.active, coefficient, c_force)
 
-    def _close(self, lagrange: Lagrange, state: State, force: Array) -> None:
-        """Add the forces that leave no gap at the next step."""
+    def _look_ahead(self, implicit: Implicit, state: State, force: Array) -> None:
+        """Add the forces that fit the gaps at the next step."""
+        begins = getattr(state, "step", 1) == 0
+        if begins and self.active and self.options.method != "lagrange":
+            # the springs of the state at rest: what is not quite right in the velocities that
+            # a run begins with shall not jump into its first forces
+            self._update(self.dt, state.t)
+            c_force = view("force", force, (-1,), out=True)
+            lib.wr_friction(self._c, self.contact_state.c, self.active, ffi.NULL, c_force)
+            return
         # at the start v is at t, and the stepping takes half a step to get to t - dt/2
-        kick = self.dt / 2 if getattr(state, "step", 1) == 0 else self.dt
+        kick = self.dt / 2 if begins else self.dt
         if np.isnan(self.contact_state.started):  # offsets are those of the present gaps
             self.candidates.track(self.candidates.exchange.c_xv, self.contact_state)
         fade = self._offsets(state.t)
-        lagrange.predict(force, self.dt, kick, self.active)
+        implicit.predict(force, self.dt, kick, self.active)
         if not isinstance(self.options.law, Coulomb):
             self._apply_law(state.t)
-        self.active = lagrange.solve(force, self.dt, kick, fade)
+        self.active = implicit.solve(force, self.dt, kick, fade)
 
     def _update_static(self, state: State) -> None:
         """Find the contact of a state at rest."""
@@ -166,7 +175,7 @@ class Pass:
     def _offsets(self, t: float) -> float:
         """Set the offsets at the first step; return which part of them is left at ``t``."""
         always = self.options.initial_overlap == "offset"
-        rest = self._lagrange is not None
+        rest = self.options.method == "lagrange"  # without springs that could bear it
         return self.contact_state.faded(
             self.candidates.item, t, self.options.offset_time, always, rest
         )
@@ -187,6 +196,11 @@ class Pass:
         h.friction[c] = value
 
     # ---- statics --------------------------------------------------------------------------
+
+    def soften(self, share: float) -> None:
+        """Make springs ``share`` as stiff as the options say, and forget those that there are."""
+        self._c.per_mass = share * self._per_mass
+        self.contact_state.clear()
 
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].

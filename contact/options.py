@@ -7,7 +7,8 @@ import numpy as np
 
 from contact.friction import Law
 
-METHODS = ("penalty", "modulus-penalty", "lagrange")
+METHODS = ("penalty", "modulus-penalty", "implicit-penalty", "lagrange")
+IMPLICIT = METHODS[2:]  # forces that fit the gaps at the end of the step
 OVERLAPS = ("offset", "push")
 
 
@@ -44,5 +45,7 @@ class Options:
         for key, known in (("method", METHODS), ("initial_overlap", OVERLAPS)):
             if (word := getattr(self, key)) not in known:
                 raise ValueError(f"{key}: expected one of {', '.join(known)}, got {word!r}")
-        if self.method == "lagrange" and self.damping > 0.0:
-            raise ValueError(f"damping: expected 0 with method = 'lagrange', got {self.damping}")
+        if self.method in IMPLICIT and self.damping > 0.0:
+            raise ValueError(
+                f"damping: expected 0 with method = {self.method!r}, got {self.damping}"
+            )

@@ -11,7 +11,7 @@ from contact.arrays import State, Vector
 from contact.footprint import Footprint
 from contact.friction import Law, as_law
 from contact.one_pass import Pass
-from contact.options import Options
+from contact.options import IMPLICIT, Options
 from contact.surface import Surface
 from meshes.arrays import Array, Index
 
@@ -88,14 +88,15 @@ class ContactPair:
             damping: Normal damping as a fraction of critical [-].
             tangential: Tangential over normal stiffness [-].
             reach: Deepest penetration at which contact can begin [m]; half a cell if None.
-            method: ``penalty``, ``modulus-penalty`` or ``lagrange``; the last must be added when
-                ``force`` holds all other forces on owned dofs.
+            method: ``penalty``, ``modulus-penalty``, ``implicit-penalty``, ``lagrange``; the last
+                two must be added when ``force`` holds all other forces on owned dofs.
             smooth: Curve the target's facets by their averaged normals.
             sharp_angle: Facets of a smooth target that meet at more keep their edge [rad].
             initial_overlap: What becomes of nodes that overlap at the first step and not from a
                 static solve: ``push`` (their springs push) or ``offset`` (it does not count).
             offset_time: Time over which offsets fade to none; kept until release if 0 [s].
-            two_pass: Make each surface contactor once; both deformable, no ``lagrange``.
+            two_pass: Make each surface contactor once; both deformable, ``penalty`` or
+                ``modulus-penalty`` only.
             name: Name for messages.
 
         Raises:
@@ -116,7 +117,7 @@ class ContactPair:
             initial_overlap=initial_overlap,
             offset_time=offset_time,
         )
-        self.last = method == "lagrange"
+        self.last = method in IMPLICIT
         sides = [(contactor, target)]
         if contactor.rigid and target.rigid:
             raise ValueError(f"contact pair {self.name}: both surfaces are rigid")
@@ -132,7 +133,10 @@ class ContactPair:
         if self.contactor.rigid or self.target.rigid:
             raise ValueError(f"contact pair {self.name}: two passes need two deformable surfaces")
         if self.last:
-            raise ValueError("two_pass: expected a penalty method; constraints of both sides clash")
+            raise ValueError(
+                "two_pass: expected a penalty method, penalty or modulus-penalty; forces that fit "
+                "the gaps at the end of the step are solved for in one pass"
+            )
 
     def reset(self) -> None:
         """Forget all contact: no node touches, no force, nothing dissipated."""
@@ -152,6 +156,14 @@ class ContactPair:
             side.add(state, force, friction=friction)
 
     # ---- statics --------------------------------------------------------------------------
+
+    def soften(self, share: float) -> None:
+        """Make springs ``share`` as stiff as they are in a run, on the way to rest; 1 at its end.
+
+        All contact is forgotten: that of the next search has the new stiffness.
+        """
+        for side in self.passes:
+            side.soften(share)
 
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].

@@ -48,10 +48,10 @@ def facet_kinds(
     return kind.astype(np.uint8)
 
 
-def typical_edge(surface: Surface) -> float:
-    """Return the 5th percentile of the edge lengths [m]: the size of a cell in the fine zone."""
+def typical_edge(surface: Surface, percentile: float = 5.0) -> float:
+    """Return a low percentile of the edge lengths [m]: the size of a cell in the fine zone."""
     p = surface.reference[surface.facets]
-    return float(np.percentile(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), 5))
+    return float(np.percentile(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), percentile))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,20 +14,20 @@ from forms.kernel import CellKernel
 from meshes.arrays import Array
 
 
-def inertia(w: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Any:
+def inertia(w: Any, dx: Any, densities: Mapping[tuple[int, ...], Any]) -> Any:
     """Return the form ``∫ ρ (1, 1, 1) · w``, whose vector is the lumped mass.
 
     Args:
         w: Test function.
         dx: Volume measure with the region tags.
-        densities: Density of each group of regions [kg/m³].
+        densities: Density of each group of regions, a number or UFL [kg/m³].
     """
     ones = ufl.as_vector([1.0, 1.0, 1.0])
     exact = dx(metadata={"quadrature_degree": 3})
     return sum(rho * ufl.inner(ones, w) * exact(region) for region, rho in densities.items())
 
 
-def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> Array:
+def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], Any]) -> Array:
     """Return the row-sum lumped mass of every local scalar dof, ghosts included [kg].
 
     Row sums of the consistent mass, ``∫ ρ N_i``, with the quadrature that is exact on any trilinear
@@ -36,7 +36,7 @@ def lumped_mass(V: Any, dx: Any, densities: Mapping[tuple[int, ...], float]) -> 
     Args:
         V: Vector P1 space.
         dx: Volume measure with the region tags.
-        densities: Density of each group of regions [kg/m³].
+        densities: Density of each group of regions, a number or UFL [kg/m³].
 
     Returns:
         Mass, shape ``(3 * n_local,)`` [kg].

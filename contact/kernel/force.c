@@ -56,14 +56,15 @@ static inline void solve(const double *inverse, const double *b, double *x) {
 }
 
 /* Velocity of the node relative to the facet, free of the facet's spin (conjugate to the force
- * that wr_friction applies); `spin` is the facet's mean angular velocity. Both are taken half a
- * step back, where the velocities live: rigid rotations of any size then give exactly zero. */
-static void relative(const wr_pass *p, const wr_state *h, size_t c, double dt, double *w,
+ * that `act` applies); `spin` is the facet's mean angular velocity. Both are taken on the
+ * positions of a time `back` ago: half a step back, where the velocities live, rigid rotations of
+ * any size give exactly zero. */
+static void relative(const wr_pass *p, const wr_state *h, size_t c, double back, double *w,
                      double *spin) {
   const double *xv = p->xv;
   const int32_t *quad = facet_of(p, h, c);
   double N[4], r[3], R[4][3], inverse[6], L[3] = {0, 0, 0}, t[3];
-  const int deformable = lever(p, h, c, 0.5 * dt, N, r, R, inverse);
+  const int deformable = lever(p, h, c, back, N, r, R, inverse);
   memcpy(w, xv + 6 * c + 3, 3 * sizeof(double));
   spin[0] = spin[1] = spin[2] = 0.0;
   for (int i = 0; i < 4; i++) {
@@ -125,19 +126,26 @@ void wr_effective_mass(const wr_pass *pass, const wr_candidates *near, const wr_
     mass[i] = effective_mass(pass, state, (size_t)near->item[i], shared + i);
 }
 
-/* Sets the totals of the step to zero and leaves the accumulated ones. */
+/* Sets the sums of the step to zero and leaves the accumulated ones and the penetration. */
 static void begin_step(wr_totals *t) {
   *t = (wr_totals){.friction_dissipation = t->friction_dissipation,
-                   .damping_dissipation = t->damping_dissipation};
+                   .damping_dissipation = t->damping_dissipation,
+                   .work = t->work,
+                   .max_penetration = t->max_penetration};
 }
 
-/* Stiffness and damper of a contact that begins. */
-static void give_birth(const wr_pass *p, wr_state *h, size_t c) {
+/* Normal stiffness of a contact that begins; m is its effective mass. */
+static double stiffness_at_birth(const wr_pass *p, const wr_state *h, size_t c, double *m) {
   double shared;
-  const double m = effective_mass(p, h, c, &shared);
-  h->stiffness[c] = p->foundation_c ? p->per_area * shared *
-                                          fmin(p->foundation_c[c], p->foundation_t[h->facet[c]])
-                                    : p->per_mass * m;
+  *m = effective_mass(p, h, c, &shared);
+  return p->foundation_c
+             ? p->per_area * shared * fmin(p->foundation_c[c], p->foundation_t[h->facet[c]])
+             : p->per_mass * *m;
+}
+
+static void give_birth(const wr_pass *p, wr_state *h, size_t c) {
+  double m;
+  h->stiffness[c] = stiffness_at_birth(p, h, c, &m);
   h->damper[c] = 2.0 * p->damping * sqrt(h->stiffness[c] * m);
 }
 
@@ -146,6 +154,7 @@ int64_t wr_normal(const wr_pass *pass, const wr_candidates *near, wr_state *h, d
   wr_totals *total = h->totals;
   int64_t count = 0;
   begin_step(total);
+  total->max_penetration = 0.0;
   for (int64_t i = 0; i < near->k; i++) {
     const size_t c = (size_t)near->item[i];
     double *t = h->tangential_force + 3 * c, *s = h->slip + 3 * c, w[3], spin[3];
@@ -162,7 +171,7 @@ int64_t wr_normal(const wr_pass *pass, const wr_candidates *near, wr_state *h, d
     }
     const double *n = h->normal + 3 * c;
     h->touching[count++] = (int32_t)c;
-    relative(pass, h, c, dt, w, spin);
+    relative(pass, h, c, 0.5 * dt, w, spin);
     const double closing = -dot3(w, n);
     const int born = h->stiffness[c] == 0.0;
     if (born)

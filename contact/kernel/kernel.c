@@ -14,4 +14,4 @@
 
 #include "force.c"
 
-#include "lagrange.c"
+#include "implicit.c"

@@ -49,6 +49,7 @@ typedef struct {
 typedef struct {
   double friction_dissipation;    /* accumulated                                              J */
   double damping_dissipation;     /* accumulated                                              J */
+  double work;                    /* accumulated: size of the normal forces' work, implicit   J */
   double normal_energy;           /* stored, of this step, as all that follows                J */
   double tangential_energy;       /*                                                          J */
   double max_penetration;         /* offsets counted in                                       m */
@@ -68,11 +69,8 @@ typedef struct {
   double *damper;           /* [nc]     normal damping constant                         N s/m */
   double *normal_force;     /* [nc]     normal force, >= 0                                  N */
   double *damping_force;    /* [nc]     part of it that comes from damping                  N */
-  double *approach;         /* [nc]     multipliers: how far the node comes closer over the
-                                        step, from force to force                           m */
   double *tangential_force; /* [nc][3]  on the contactor node                               N */
-  double *slip;             /* [nc][3]  tangential slip since the last step; multipliers: over
-                                        the step, as approach                               m */
+  double *slip;             /* [nc][3]  tangential slip since the last step                 m */
   double *friction;         /* [nc]     coefficient of friction */
   int32_t *touching;        /* [nc]     the first ones: nodes in touch */
   wr_totals *totals;
@@ -89,17 +87,20 @@ typedef struct {
   const int32_t *entry; /* [..]         box numbers, cell after cell */
 } wr_grid;
 
-/* One contact among those that wr_lagrange solves for. */
+/* One contact among those that wr_implicit solves for. */
 typedef struct {
   double N[4], per_mass[5]; /* weights of the facet's nodes; 1 / mass of node and facet's nodes */
-  double n[3], w[3], t[3];  /* normal, relative velocity without contact, tangential force */
-  double gap, p, inverse, friction; /* gap at t + dt without contact, normal force, 1 / W */
+  double n[3], w[3];        /* normal; relative velocity without contact, free of spin */
+  double p, t[3], held[3];  /* normal and tangential force; the latter at the last step */
+  double gap, friction;     /* gap at t + dt without contact; coefficient of friction */
+  double inverse, give[2];  /* 1 / W; 1 / (dt * stiffness), normal and tangential */
 } wr_row;
 
 /* Projected Gauss-Seidel of a pass. */
 typedef struct {
   double tolerance;    /*          last move over deepest overlap at which the sweeps end */
   int64_t most;        /*          sweeps at most */
+  int64_t springs;     /*          1: springs of the stiffness of the pass; 0: no give */
   const double *ahead; /* [n][6]   as xv, at t + dt and t + dt / 2                   m, m/s */
   wr_row *row;         /* [nc]     workspace */
   double *dv;          /* [n][3]   workspace */
@@ -167,13 +168,16 @@ int64_t wr_friction(const wr_pass *pass, wr_state *state, int64_t k, const doubl
 void wr_predict(const wr_pass *pass, int64_t k, const int32_t *item, double dt, double kick,
                 const double *f, double *ahead);
 
-/* Deepest penetration of k touching nodes at the closest points that they have. */
-double wr_overlap(const wr_pass *pass, const wr_state *state, int64_t k);
+/* Ends the step that has brought xv, on the closest points of its start: counts the second half of
+ * the work of its forces (at rest: none) and sets the slip of k touching nodes and the deepest
+ * penetration. */
+void wr_settle(const wr_pass *pass, wr_state *state, int64_t k, double dt);
 
-/* Forces that close the gaps at t + dt without tension, Coulomb friction that stops the slip where
- * it can: projected Gauss-Seidel on the nodes coupled by the facets they share. They are added to
- * f and counted in the totals as by wr_friction.
+/* Forces at t that the springs of all touching nodes have at t + dt, without tension; or, without
+ * springs, that close the gaps. Coulomb friction holds where it can. Projected Gauss-Seidel on the
+ * nodes coupled by the facets they share. The forces are added to f and counted in the totals as by
+ * wr_friction.
  *   state  in: gap at t + dt without contact, to which offsets are added; forces of the last step
  * Returns the number of touching nodes. */
-int64_t wr_lagrange(const wr_pass *pass, const wr_candidates *near, wr_state *state,
+int64_t wr_implicit(const wr_pass *pass, const wr_candidates *near, wr_state *state,
                     wr_solver *solver, double dt, double kick, double fade, double *f);

@@ -15,6 +15,7 @@ Place = Callable[[Array], Array]
 
 Y, Z, X, S, D = range(5)
 LEAST = 1.3  # an edge is cut while it is longer than this times the wanted size
+NARROW = 1.55  # cells of a strip are cut while they are wider than this times the wanted size
 CURVED_EDGES = 8  # at least so many edges round the gauge corner and the flange root
 
 
@@ -37,6 +38,20 @@ class Swept:
 
 
 @dataclass(frozen=True)
+class Strip:
+    """Part of a running surface with narrower cells, along all of the refined stretch.
+
+    Attributes:
+        start, end: Arc length between which cells are narrow [m].
+        size: Wanted width of cells along the profile [m].
+    """
+
+    start: float
+    end: float
+    size: float
+
+
+@dataclass(frozen=True)
 class Zone:
     """Where and how finely a swept mesh is refined under its running surface.
 
@@ -47,6 +62,7 @@ class Zone:
         start, end: Sweep coordinate between which it is fine [m or rad].
         spacing: Spacing of the unrefined sweep there [m or rad].
         size: Wanted length of edges along the profile [m].
+        strip: Where they are narrower still, if anywhere.
     """
 
     levels: int
@@ -57,6 +73,7 @@ class Zone:
     end: float
     spacing: float
     size: float
+    strip: Strip | None = None
 
     def along(self, level: int, cells: int = 0) -> tuple[float, float]:
         """Return the refined stretch of a level, widened by ``cells`` cells at either end.
@@ -135,7 +152,49 @@ def refine(swept: Swept, zone: Zone, band: Band, place: Place) -> Swept:
         swept = cut(swept, S, box, band, place, least=least)
         box = {"s": zone.across(level, 1), "d": (0.0, 2 * depth), "x": zone.along(level)}
         swept = cut(swept, X, box, band, place)
+    return swept if zone.strip is None else narrowed(swept, zone, zone.strip, band, place)
+
+
+def narrowed(swept: Swept, zone: Zone, strip: Strip, band: Band, place: Place) -> Swept:
+    """Return the refined mesh with its top cells cut in three, in depth and across, along a strip.
+
+    Cuts are repeated until cells are as narrow as wanted. Each leaves a cell of its own at either
+    side and end for the transitions of the next.
+
+    Raises:
+        ValueError: if the strip does not lie on the refined part of the profile.
+    """
+    cell = zone.spacing / 3**zone.levels
+    low, high = zone.columns[zone.first], zone.columns[zone.last]
+    if not low <= strip.start < strip.end <= high:
+        raise ValueError(
+            f"strip: expected a part of the fine profile, {low:.4f} to {high:.4f} m of arc length, "
+            f"got {strip.start:.4f} to {strip.end:.4f} m"
+        )
+    cuts = _cuts(_columns(swept, zone, strip.start, strip.end), strip.size)
+    for k in range(1, cuts + 1):
+        columns = _columns(swept, zone, strip.start, strip.end, beside=cuts - k)
+        box = {"s": (columns[0], columns[-1]), "d": (0.0, 1 / 3 ** (zone.levels + k - 1))}
+        for axis, cells in ((D, 2 * k - 1), (S, 2 * k)):
+            box["x"] = (zone.start + cells * cell, zone.end - cells * cell)
+            swept = cut(swept, axis, box, band, place)
     return swept
+
+
+def _columns(swept: Swept, zone: Zone, start: float, end: float, beside: int = 0) -> Array:
+    """Return the columns of the fine surface that enclose a part of it, and some beside [m]."""
+    x = _wrapped_to(swept.params[:, X], (zone.start + zone.end) / 2, swept.period)
+    middle = (swept.params[:, D] == 0) & (x >= zone.start) & (x <= zone.end)
+    s = np.unique(np.round(swept.params[middle, S], 9))
+    first = max(0, int(np.searchsorted(s, start + 1e-9, side="right")) - 1 - beside)
+    last = min(len(s) - 1, int(np.searchsorted(s, end - 1e-9)) + beside)
+    return np.asarray(s[first : last + 1])
+
+
+def _cuts(columns: Array, size: float) -> int:
+    """Return how often columns are cut in three until they are about as wide as wanted."""
+    width = float(np.diff(columns).mean())
+    return max(0, int(np.ceil(np.log(width / (NARROW * size)) / np.log(3) - 1e-9)))
 
 
 def cut(
@@ -164,9 +223,8 @@ def cut(
     marked = (step[:, fixed] < 1e-9).all(axis=1) & (step[:, axis] > max(least, 1e-9))
     for name, (low, high) in box.items():
         value = ends[:, :, "yzxsd".index(name)]
-        if name == "x" and np.isfinite(swept.period):
-            middle = (low + high) / 2
-            value = middle + (value - middle + np.pi) % swept.period - np.pi
+        if name == "x":
+            value = _wrapped_to(value, (low + high) / 2, swept.period)
         marked &= ((value >= low - 1e-9) & (value <= high + 1e-9)).all(axis=1)
     made = trisect(place(swept.params), swept.cells, edges, of_cell, marked)
     new = _interpolated(swept, made.sources, made.weights)
@@ -180,6 +238,13 @@ def _interpolated(swept: Swept, sources: Index, weights: Array) -> Array:
     values = swept.params[sources]
     values[:, 1:] = values[:, :1] + _wrapped(values[:, 1:] - values[:, :1], swept.period)
     return np.asarray(np.einsum("mk,mkj->mj", weights, values))
+
+
+def _wrapped_to(x: Array, middle: float, period: float) -> Array:
+    """Return sweep coordinates within half a period of ``middle``."""
+    if not np.isfinite(period):
+        return x
+    return np.asarray(middle + (x - middle + period / 2) % period - period / 2)
 
 
 def _wrapped(step: Array, period: float) -> Array:

@@ -19,6 +19,9 @@ GAUGE = 1.435
 GAUGE_DEPTH = 0.014  # the gauge is measured this far below the rail top
 INCLINATION = 1 / 40
 FLANK = np.radians(4.0)  # what is less steep than the flange's steepest part by this is tread
+PRESSED = (
+    1e-4  # depth of the flange in the gauge corner whose overlap is the reach of its patch [m]
+)
 FLANGE = (
     "flange_point",
     "flange_gap",
@@ -209,6 +212,54 @@ def lateral_shift_for(
             f"{reach[1]} m leave, got {flange_gap:.2e} m"
         )
     return at(brentq(lambda shift: gap(shift) - flange_gap, *reach, xtol=1e-9))
+
+
+def flange_arcs(
+    wheel: Profile | None = None,
+    rail: Profile | None = None,
+    *,
+    radius: float = RADIUS,
+    yaw: float = 0.0,
+    roll: float = 0.0,
+    tape: float = TAPE,
+) -> dict[str, tuple[float, float]]:
+    """Return the arc lengths on ``wheel`` and ``rail`` that a pressed flange touches [m].
+
+    They are those of the points that overlap round the deepest one when the flange stands
+    :data:`PRESSED` deep in the gauge corner, about twice the approach of a heavily loaded patch.
+
+    Args:
+        wheel: Wheel profile; S1002 by default.
+        rail: Rail profile in the track; 54E1 at 1:40 and 1435 mm by default.
+        radius: Radius of the tape circle [m].
+        yaw: Angle of attack [rad].
+        roll: Angle by which the axle rises towards the field side [rad].
+        tape: Lateral position of the tape circle at no shift [m].
+
+    Raises:
+        ValueError: as :func:`lateral_shift_for`.
+    """
+    wheel, rail = wheel or s1002(), rail or rail_in_track()
+    found = lateral_shift_for(
+        wheel, rail, flange_gap=-PRESSED, radius=radius, yaw=yaw, roll=roll, tape=tape
+    )
+    assert found.flange_s is not None
+    s = np.arange(0, wheel.length, SPACING)
+    trace = outline(wheel, s, radius, yaw, roll) + found.centre
+    seen = np.isfinite(trace[:, 2])
+    gap = np.full(len(s), np.inf)
+    near = np.zeros(len(s))
+    gap[seen], near[seen] = distance(trace[seen], rail)
+    deepest = int(np.searchsorted(s, found.flange_s))
+    apart = np.flatnonzero(gap >= 0.0)
+    k = int(np.searchsorted(apart, deepest))
+    first = apart[k - 1] + 1 if k else 0
+    last = apart[k] - 1 if k < len(apart) else len(s) - 1
+    touched = near[first : last + 1]
+    return {
+        "wheel": (float(s[first]), float(s[last])),
+        "rail": (float(touched.min()), float(touched.max())),
+    }
 
 
 def placed(mesh: HexMesh, placement: Placement) -> HexMesh:

@@ -5,7 +5,7 @@ import numpy as np
 
 from meshes.arrays import Array
 from meshes.generate.smooth import relaxed
-from meshes.generate.sweep import D, Swept, X, Z, Zone, extrude, levels_for, refine
+from meshes.generate.sweep import D, Strip, Swept, X, Z, Zone, extrude, levels_for, refine
 from meshes.hexmesh import HexMesh, boundary
 from meshes.profiles.placement import GAUGE, INCLINATION, track_offset
 from meshes.profiles.profiles import Profile, inclined
@@ -30,6 +30,7 @@ def rail(
     profile: Profile | None = None,
     design: str = "54E1",
     touch: float | None = None,
+    strip: Strip | None = None,
 ) -> HexMesh:
     """Return a rail in the track.
 
@@ -49,16 +50,17 @@ def rail(
             ``design`` by default.
         design: Standard rail whose web and foot are used, 54E1 or 60E1.
         touch: Arc length of the first touch on the completed profile [m]; fine there too.
+        strip: Part of the completed profile with narrower cells.
 
     Raises:
-        ValueError: if the size or profile is out of range or the zone, with its transitions, not
-            on the rail.
+        ValueError: if the size, profile or strip is out of range or the zone, with its
+            transitions, not on the rail.
     """
     levels = levels_for(size)
     head = completed(drawn_rail(design) if profile is None else profile, design)
     section, first, last, base = rail_section(size, levels, head, design, touch)
     spacing = size * 3**levels
-    fine = Zone(levels, section.band.stations, first, last, *zone, spacing, size)
+    fine = Zone(levels, section.band.stations, first, last, *zone, spacing, size, strip)
     even = fine.along(1, 3)
     if not x0 <= even[0] < even[1] <= x0 + length:
         raise ValueError(

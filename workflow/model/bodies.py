@@ -32,6 +32,8 @@ class Bodies:
         dx: Volume measure with full quadrature and the region tags.
         materials: Elastic constants by body name.
         laws: Material law by body name.
+        density_factor: What mass scaling multiplies the density of each cell by, in inertia only;
+            None without it.
     """
 
     def __init__(self, scene: Scene, domain: Domain, laws: Mapping[str, Law] | None = None) -> None:
@@ -40,6 +42,7 @@ class Bodies:
         entries = scene.bodies.items()
         self.materials = {name: b.material.constants(b.stiffness_damping) for name, b in entries}
         self.laws = {name: law(body) for name, body in entries} | dict(laws or {})
+        self.density_factor: Any = None
 
     def tags(self, body: Body) -> tuple[int, ...]:
         """Return the region tags of the mesh that make a body."""
@@ -51,9 +54,16 @@ class Bodies:
 
     def lumped_mass(self) -> Array:
         """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
-        bodies = self.scene.bodies.values()
-        densities = {self.tags(body): body.material.density for body in bodies}
-        return lumped_mass(self.domain.V, self.dx, densities)
+        return lumped_mass(self.domain.V, self.dx, self._densities())
+
+    def inertial_density(self, name: str) -> Any:
+        """Return the density of a body, mass scaling counted in, as UFL [kg/m³]."""
+        density = self.scene.bodies[name].material.density
+        return density if self.density_factor is None else density * self.density_factor
+
+    def _densities(self) -> dict[tuple[int, ...], Any]:
+        entries = self.scene.bodies.items()
+        return {self.tags(body): self.inertial_density(name) for name, body in entries}
 
     def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
         """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
@@ -149,8 +159,7 @@ class Bodies:
 
     def mass(self, w: Any) -> Any:
         """Return the form whose vector is the lumped mass."""
-        entries = self.scene.bodies.items()
-        return inertia(w, self.dx, {self.tags(b): self.materials[n].rho for n, b in entries})
+        return inertia(w, self.dx, self._densities())
 
     def doubts(self) -> Iterator[str]:
         """Yield a line for every choice that is allowed but known to be inaccurate."""

@@ -25,6 +25,7 @@ from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMe
 from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
+    from meshes.generate.sweep import Strip
     from meshes.profiles.measured import Kind
 
 
@@ -202,6 +203,32 @@ def placement_of(scene: Scene) -> profiles.Placement:
         ) from None
 
 
+def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
+    """Return the strips of narrow cells on wheel and rail, none where the scene asks for none.
+
+    Raises:
+        SceneError: if they have to be found and no position lets the flange touch.
+    """
+    mesh = scene.mesh
+    assert isinstance(mesh, WheelRailMesh)
+    if mesh.strip is None:
+        return {"wheel": None, "rail": None}
+    from meshes.generate.sweep import Strip
+    from meshes.profiles.placement import flange_arcs
+
+    given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
+    if None in given.values():
+        wheel, head, _ = profiles_of(mesh)
+        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+        try:
+            found = flange_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
+        except ValueError as error:
+            raise SceneError(f"mesh.strip: {error}") from None
+        given = {side: given[side] or found[side] for side in given}
+    return {side: Strip(*arc, mesh.strip.size) for side, arc in given.items() if arc}
+
+
 def cached_wheel_on_rail(
     scene: Scene, mesh: WheelRailMesh, log: Callable[[str], Any]
 ) -> tuple[HexMesh, Any]:
@@ -225,6 +252,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     zone = rolling_zone(scene)
     start = mesh.start
     tread, head, base = profiles_of(mesh)
+    strips = strips_of(scene)
     wheel = wheelset(
         size=mesh.size,
         zone=zone,
@@ -232,6 +260,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         radius=mesh.wheel_radius,
         profile=tread,
         touch=position.tread_s,
+        strip=strips["wheel"],
     )
     track = rail(
         mesh.rail_length,
@@ -243,6 +272,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         profile=head,
         design=base,
         touch=position.tread_rail_s,
+        strip=strips["rail"],
     )
     if mesh.sleepers is None:
         return join(placed(wheel, position), track), position

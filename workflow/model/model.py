@@ -27,6 +27,7 @@ from workflow.scene import Scene, SceneError
 if TYPE_CHECKING:
     from contact import ContactPair
     from contact.friction import Law as FrictionLaw
+    from workflow.model.mass_scaling import AddedMass
 
 Log = Callable[[str], Any]
 
@@ -47,6 +48,7 @@ class Model:
         hold: What imposes them and prescribed motion on an acceleration; the supports, or more.
         dt, dt_bound: Step and its bound [s].
         placement: Where wheel and rail stand, if the scene has them.
+        added_mass: What mass scaling has added, if the scene asks for it.
         own_laws: Laws and items that are not the scene's: the name of each by body, contact or
             place in the list.
     """
@@ -62,6 +64,7 @@ class Model:
     dt: float
     dt_bound: float
     placement: Any = None
+    added_mass: "AddedMass | None" = None
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -137,10 +140,14 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     V = domain.V
     state = State(fem.Function(V), fem.Function(V), la.vector(V.dofmap.index_map, 3))
     state.a.array[:] = 0.0
+    links, added = connections(scene, domain), None
+    if scene.mass_scaling is not None:
+        from workflow.model.mass_scaling import scale_masses
+
+        added = scale_masses(bodies, scene.mass_scaling, links, log)
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = bodies.lumped_mass()
-    links = connections(scene, domain)
-    bound = step_bound(bodies, mass.array, links, log)
+    bound = step_bound(bodies, mass.array, links, log) if added is None else added.step
     # outputs fall on steps
     per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
     dt = float(scene.time.output_interval / per_output)
@@ -159,7 +166,9 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     if links is not None:
         links.dt = dt
         items.append(links)
-    return Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, placement)
+    model = Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, placement)
+    model.added_mass = added
+    return model
 
 
 def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:

@@ -176,7 +176,7 @@ def step_report(bodies: Bodies, mass: Array, dt: float, bound: float) -> Iterato
         f"{where}"
     )
     if scene.contacts and scene.time.bound == "assembled":
-        p = sum(contact.penalty for contact in scene.contacts.values())
+        p = sum(c.penalty for c in scene.contacts.values() if c.method == "penalty")
         left = np.sqrt(max(1 - p / 4, 0.0))
         yield f"audit: contact penalties, {p:.2g} of 4, shorten the step to {left:.1%}"
     beta, alpha = (

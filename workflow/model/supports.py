@@ -11,6 +11,7 @@ from dolfinx import la
 from meshes.arrays import Array, Dofs
 from meshes.domain import Domain
 from workflow.model.regions import surface_nodes
+from workflow.model.state import State
 from workflow.scene import Scene
 from workflow.scene.settings import Support
 
@@ -30,7 +31,7 @@ class Supports:
     def __call__(self, a: la.Vector) -> None:
         """Remove the held components, in place."""
         x = a.array
-        for index, n in self._groups:
+        for index, n in self.groups:
             if n is None:
                 x[index] = 0.0
             else:
@@ -38,7 +39,7 @@ class Supports:
                 x[index] = held - np.multiply.outer(n, n @ held)
 
     @cached_property
-    def _groups(self) -> list[tuple[npt.NDArray[np.int64], Array | None]]:
+    def groups(self) -> list[tuple[npt.NDArray[np.int64], Array | None]]:
         """Entries of a flat vector ``(3, k)`` and direction; entries ``(k,)`` along an axis."""
         groups: list[tuple[npt.NDArray[np.int64], Array | None]] = []
         for dofs, n in zip(self.dofs, self.directions, strict=True):
@@ -46,6 +47,29 @@ class Supports:
             axis = np.flatnonzero(n)
             groups.append((index[axis[0]], None) if len(axis) == 1 else (index, n))
         return groups
+
+
+class Withheld:
+    """Forces that supports bear, kept from those that read the sum of all forces.
+
+    What is held must not be foreseen to move. It is given back afterwards, because the reactions
+    of what moves the supports are found from the whole force.
+    """
+
+    def __init__(self, held: Supports) -> None:
+        self._held = held
+        self._index = np.unique(np.concatenate([i.ravel() for i, _ in held.groups]))
+        self._kept: Array = np.zeros(len(self._index))
+
+    def take(self, state: State, force: la.Vector) -> None:
+        """Remove the held components, in place."""
+        self._kept = force.array[self._index]
+        self._held(force)
+        self._kept -= force.array[self._index]
+
+    def give(self, state: State, force: la.Vector) -> None:
+        """Add what was taken."""
+        force.array[self._index] += self._kept
 
 
 def axle(scene: Scene) -> Array:

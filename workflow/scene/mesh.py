@@ -109,6 +109,18 @@ class Sleepers(Section):
     cells: tuple[Count, Count, Count] = (2, 6, 1)
 
 
+class StripMesh(Section):
+    """Narrow cells across the profiles of wheel and rail, where the flange touches the corner.
+
+    ``size`` is their width along the profile. ``wheel`` and ``rail`` are the arc lengths between
+    which they lie; left out, where both bodies overlap when the flange is pressed into the corner.
+    """
+
+    size: Length
+    wheel: Ends | None = None
+    rail: Ends | None = None
+
+
 class WheelRailMesh(Section):
     """A wheelset half on a rail in the track position, fine where it will roll.
 
@@ -133,6 +145,7 @@ class WheelRailMesh(Section):
     lateral_shift: Position | None = None
     roll: Angle = 0.0
     margin: Length = 0.03
+    strip: StripMesh | None = None
     sleepers: Sleepers | None = None
 
     @field_validator("wheel_profile", "rail_profile")

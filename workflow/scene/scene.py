@@ -19,6 +19,7 @@ from workflow.scene.settings import (
     Equilibrium,
     Guards,
     Load,
+    MassScaling,
     Output,
     Probe,
     Rolling,
@@ -54,6 +55,7 @@ class Scene(Section):
     track: Track | None = None
     equilibrium: Equilibrium | None = None
     probes: list[Probe] = Field(default_factory=list)
+    mass_scaling: MassScaling | None = None
     time: Time
     guards: Guards = Guards()
     output: Output = Output()

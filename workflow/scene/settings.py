@@ -16,6 +16,7 @@ from workflow.scene.units import (
     Duration,
     Factor,
     Length,
+    Mass,
     Minutes,
     Position,
     Section,
@@ -40,7 +41,8 @@ class Contact(Section):
 
     ``method`` is ``penalty`` (springs of ``penalty`` times effective mass over dt²),
     ``modulus-penalty`` (``penalty`` times bulk modulus, area and area over volume of the cells
-    behind) or ``lagrange`` (no penetration). In ``two_pass`` each surface is contactor once. A
+    behind), ``implicit-penalty`` (the springs of ``penalty`` at the end of the step, at any
+    ``penalty``) or ``lagrange`` (no penetration). In ``two_pass`` each surface is contactor once. A
     ``smooth`` target is curved by averaged normals but for edges over ``sharp_angle``.
     ``initial_overlap`` that no static solve has made is left out of the gap (``offset``), for good
     or fading over ``offset_time``, or pushes the bodies apart (``push``).
@@ -49,7 +51,7 @@ class Contact(Section):
     contactor: str
     target: str | RigidWall
     friction: FrictionLaw = 0.0
-    method: Literal["penalty", "modulus-penalty", "lagrange"] = "penalty"
+    method: Literal["penalty", "modulus-penalty", "implicit-penalty", "lagrange"] = "penalty"
     penalty: Factor = 0.2
     damping: Share = 0.0
     two_pass: bool = False
@@ -62,14 +64,16 @@ class Contact(Section):
 
     @model_validator(mode="after")
     def _method_fits(self) -> Self:
-        if self.method == "lagrange" and self.damping:
+        implicit = self.method in ("implicit-penalty", "lagrange")
+        if implicit and self.damping:
             raise ValueError(
-                f"contacts: damping = {self.damping}: expected 0 with method = 'lagrange', whose "
-                "impacts are plastic"
+                f"contacts: damping = {self.damping}: expected 0 with method = {self.method!r}, "
+                "whose impacts are plastic"
             )
-        if self.two_pass and (self.method == "lagrange" or isinstance(self.target, RigidWall)):
+        if self.two_pass and (implicit or isinstance(self.target, RigidWall)):
             raise ValueError(
-                "contacts: two_pass = true: expected a penalty method and two deformable surfaces"
+                "contacts: two_pass = true: expected a penalty method, 'penalty' or "
+                "'modulus-penalty', and two deformable surfaces"
             )
         return self
 
@@ -233,6 +237,17 @@ class Output(Section):
     sample_interval: Duration | None = None
     checkpoint_minutes: Minutes = 10.0
     checkpoint_steps: Count | None = None
+
+
+class MassScaling(Section):
+    """Density added to the cells that would make the step shorter than ``step``, as inertia only.
+
+    A run is refused that would need more than ``total``, or more than ``per_region`` in a region.
+    """
+
+    step: Duration
+    total: Mass
+    per_region: Mass | None = None
 
 
 class Probe(Section):

@@ -54,7 +54,7 @@ class AtRest:
         self._loads = [getattr(item, "rest", item.add) for item in acting if item not in last]
 
     def out_of_balance(self) -> la.Vector:
-        """Return the sum of all forces, point masses settled, contact without friction [N]."""
+        """Return the sum of all forces, zero where held; point masses settled, no friction [N]."""
         state = self.model.state
         state.a.array[:] = 0.0
         for add in self._loads:
@@ -62,6 +62,7 @@ class AtRest:
         state.a.scatter_reverse(la.InsertMode.add)
         for add in self._last:
             add(state, state.a)
+        state.a.array[self.held] = 0.0
         return state.a
 
     def load_size(self) -> float:

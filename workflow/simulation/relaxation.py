@@ -57,7 +57,6 @@ def relax(problem: AtRest, mass: Array, tolerance: float, log: Log) -> int:
     candidates, before, peak, share = None, None, 0.0, np.inf
     for step in range(settings.max_steps + 1):
         force = problem.out_of_balance().array[:n]
-        force[problem.held] = 0.0
         if settings.mass_scaling and candidates != (found := searches(model)):
             heavy, candidates = mass + contact_mass(model), found
         if step and step % settings.check_interval == 0:

@@ -107,7 +107,7 @@ def convected(model: Model, flows: Mapping[str, Any]) -> Array:
     w = ufl.TestFunction(domain.V)
     dx = full(domain.msh, domain.regions)
     form = sum(
-        scene.bodies[name].material.density
+        model.bodies.inertial_density(name)
         * ufl.inner(ufl.grad(model.state.u) * velocity, w)
         * dx(model.bodies.tags(scene.bodies[name]))
         for name, velocity in flows.items()

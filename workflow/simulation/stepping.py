@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from forms.loads import DeadLoad
 from workflow.model.state import Load, State
+from workflow.model.supports import Withheld
 
 if TYPE_CHECKING:
     from workflow.model.model import Model
@@ -37,8 +38,7 @@ def steps(
     dead = [item for item in model.items if isinstance(item, DeadLoad)]
     acting = [item for item in model.items if not isinstance(item, DeadLoad)]
     last = [item for item in acting if getattr(item, "last", False)]
-    # what supports hold must not be foreseen to move by those that read the sum of all forces
-    held: list[Load] = [lambda state, force: model.supports(force)] if last else []
+    withheld = Withheld(model.supports) if last and model.supports.dofs else None
 
     def timed(item: Any) -> Load:
         phase = getattr(item, "phase", "update")
@@ -54,12 +54,17 @@ def steps(
         t_end,
         moving=[item for item in acting if hasattr(item, "back")],
         dead=sum((item.nodal for item in dead), np.zeros(3 * model.domain.owned)),
-        last=[*held, *(timed(item) for item in last)],
+        last=around(withheld, [timed(item) for item in last]),
         resumed=resumed,
     )
     if clock is not None:
         others = sum(clock.seconds.values()) - busy
         clock.seconds["update"] += time.perf_counter() - began - others
+
+
+def around(withheld: Withheld | None, loads: list[Load]) -> list[Load]:
+    """Return loads with what supports bear taken away before them and given back behind them."""
+    return loads if withheld is None else [withheld.take, *loads, withheld.give]
 
 
 def central_difference(

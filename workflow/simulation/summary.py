@@ -103,6 +103,7 @@ def summarise(
         "time": model.state.t,
         "dt": model.dt,
         "dt_bound": model.dt_bound,
+        "added_mass": model.added_mass.tables() if model.added_mass is not None else None,
         "wall_seconds": wall,
         "processor_seconds": clock.processor,
         "seconds_per_phase": clock.seconds,

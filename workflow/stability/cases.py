@@ -153,6 +153,7 @@ def _contact_axes() -> Iterator[Case]:
             "one pass": {},
             "two-pass": {face + "two_pass": True},
             "smooth": {face + "smooth": True},
+            "implicit 10": {face + "method": "implicit-penalty", face + "penalty": 10.0},
             "Lagrange": {face + "method": "lagrange"},
         },
         lambda keys: keys,

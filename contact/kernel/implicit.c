@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: LGPL-3.0-or-later */
-/* Forward-increment Lagrange multipliers (Carpenter, Taylor, Katona, Int. J. Numer. Meth. Eng. 32,
- * 103-128, 1991): forces at t such that no contact is open or overlaps at t + dt. */
+/* Forces at t that depend on the gaps at t + dt: forward-increment Lagrange multipliers (Carpenter,
+ * Taylor, Katona, Int. J. Numer. Meth. Eng. 32, 103-128, 1991), and springs taken implicitly, which
+ * add their give to the diagonal of the same system. */
 
 void wr_predict(const wr_pass *pass, int64_t k, const int32_t *item, double dt, double kick,
                 const double *f, double *ahead) {
@@ -17,25 +18,45 @@ void wr_predict(const wr_pass *pass, int64_t k, const int32_t *item, double dt, 
   }
 }
 
-double wr_overlap(const wr_pass *pass, const wr_state *h, int64_t k) {
-  double deepest = 0.0;
+/* Gap at the closest point that the node has. */
+static double gap_there(const wr_pass *pass, const wr_state *h, size_t c) {
+  const double *x = pass->xv + 6 * c;
+  double y[3][3], d[3][3], m[4][3], r[3];
+  patch_t s;
+  if (pass->target->corner) {
+    patch_of(pass->target, pass->xv, h->facet[c], &s);
+    curved(&s, h->xi + 2 * c, y, d);
+    for (int a = 0; a < 3; a++)
+      r[a] = x[a] - y[0][a];
+  } else {
+    monomials(pass->xv, facet_of(pass, h, c), m);
+    residual(m, x, h->xi + 2 * c, r, y[1], y[2]);
+  }
+  return dot3(r, h->normal + 3 * c);
+}
+
+/* Counts the work of a node's forces over half a step of relative velocity w; returns w . n. */
+static double count_work(const wr_state *h, size_t c, double dt, const double *w) {
+  wr_totals *total = h->totals;
+  const double along = dot3(w, h->normal + 3 * c);
+  const double normal = 0.5 * dt * h->normal_force[c] * along;
+  total->damping_dissipation -= normal;
+  total->work += fabs(normal);
+  total->friction_dissipation -= 0.5 * dt * dot3(h->tangential_force + 3 * c, w);
+  return along;
+}
+
+void wr_settle(const wr_pass *pass, wr_state *h, int64_t k, double dt) {
+  h->totals->max_penetration = 0.0;
   for (int64_t i = 0; i < k; i++) {
     const size_t c = (size_t)h->touching[i];
-    const double *x = pass->xv + 6 * c;
-    double y[3][3], d[3][3], m[4][3], r[3];
-    patch_t s;
-    if (pass->target->corner) {
-      patch_of(pass->target, pass->xv, h->facet[c], &s);
-      curved(&s, h->xi + 2 * c, y, d);
-      for (int a = 0; a < 3; a++)
-        r[a] = x[a] - y[0][a];
-    } else {
-      monomials(pass->xv, facet_of(pass, h, c), m);
-      residual(m, x, h->xi + 2 * c, r, y[1], y[2]);
-    }
-    deepest = fmax(deepest, -dot3(r, h->normal + 3 * c));
+    double w[3], spin[3];
+    relative(pass, h, c, dt, w, spin); /* on the positions at which the forces have acted */
+    const double along = count_work(h, c, dt, w);
+    for (size_t a = 0; a < 3; a++)
+      h->slip[3 * c + a] = dt * (w[a] - along * h->normal[3 * c + a]);
+    h->totals->max_penetration = fmax(h->totals->max_penetration, -gap_there(pass, h, c));
   }
-  return deepest;
 }
 
 /* Velocity of the node relative to the facet that the contact forces have given so far. */
@@ -60,7 +81,7 @@ static inline void push(const wr_row *r, double *dv, size_t c, const int32_t *no
   }
 }
 
-/* What the steps of wr_lagrange share; see kernel.h. */
+/* What the steps of wr_implicit share; see kernel.h. */
 typedef struct {
   const wr_pass *pass;
   wr_state *state;
@@ -77,7 +98,7 @@ static void open_row(const system_t *s, size_t c, wr_row *r) {
   double spin[3], W;
   shape4(h->xi + 2 * c, r->N);
   W = r->per_mass[0] = 1.0 / mass[c];
-  relative(s->pass, h, c, s->dt, r->w, spin);
+  relative(s->pass, h, c, 0.5 * s->dt, r->w, spin);
   for (int a = 3; a < 6; a++)
     r->w[a - 3] += ahead[6 * c + (size_t)a] - xv[6 * c + (size_t)a];
   for (int b = 0; b < 4; b++) {
@@ -90,10 +111,19 @@ static void open_row(const system_t *s, size_t c, wr_row *r) {
   memcpy(r->n, h->normal + 3 * c, sizeof r->n);
   memcpy(r->t, h->tangential_force + 3 * c, sizeof r->t);
   carry(spin, s->dt, r->n, r->t);
+  memcpy(r->held, r->t, sizeof r->held);
   r->gap = h->gap[c];
   r->p = h->normal_force[c];
   r->inverse = 1.0 / W;
   r->friction = h->friction[c];
+  r->give[0] = r->give[1] = 0.0;
+  if (!s->solver->springs)
+    return;
+  double m;
+  if (!(h->stiffness[c] > 0.0))
+    h->stiffness[c] = stiffness_at_birth(s->pass, h, c, &m);
+  r->give[0] = 1.0 / (s->dt * h->stiffness[c]);
+  r->give[1] = r->give[0] / s->pass->tangential;
 }
 
 /* One sweep of projected Gauss-Seidel; returns the largest move that it made [m]. */
@@ -106,16 +136,19 @@ static double sweep(const system_t *s, int64_t m) {
     const int32_t *nodes = facet_of(s->pass, s->state, c);
     double w[3], old[3], impulse[3], moved = 0.0;
     given(r, dv, c, nodes, w);
-    const double p = r->p - (r->gap / dt + dot3(w, r->n)) * r->inverse / kick, before = r->p;
+    const double W = kick / r->inverse, before = r->p;
+    const double p =
+        before - (r->gap / dt + dot3(w, r->n) + before * r->give[0]) / (W + r->give[0]);
     r->p = p > 0.0 ? p : 0.0;
     memcpy(old, r->t, sizeof old);
     const double limit = r->friction * r->p;
-    if (limit > 0.0) { /* the force that would stop the slip, returned to the cone */
+    if (limit > 0.0) { /* the force of stick, returned to the cone */
       for (int a = 0; a < 3; a++)
         w[a] += r->w[a];
       const double along = dot3(w, r->n);
       for (int a = 0; a < 3; a++)
-        r->t[a] -= (w[a] - along * r->n[a]) * r->inverse / kick;
+        r->t[a] -=
+            (w[a] - along * r->n[a] + (r->t[a] - r->held[a]) * r->give[1]) / (W + r->give[1]);
       const double size = sqrt(dot3(r->t, r->t));
       for (int a = 0; a < 3 && size > limit; a++)
         r->t[a] *= limit / size;
@@ -134,30 +167,10 @@ static double sweep(const system_t *s, int64_t m) {
   return largest;
 }
 
-/* Work lost over the step that has just ended: trapezoidal, as the leapfrog's work. */
-static void lose(double p_old, double p, const double *t_old, const double *t, double approach,
-                 const double *slip, wr_totals *total) {
-  total->damping_dissipation += 0.5 * (p_old + p) * approach;
-  for (int a = 0; a < 3; a++)
-    total->friction_dissipation -= 0.5 * (t_old[a] + t[a]) * slip[a];
-}
-
-static const double none[3] = {0.0, 0.0, 0.0};
-
-/* Parts a relative velocity into the approach and the slip of a step. */
-static void part(const double *w, const double *n, double dt, double *approach, double *slip) {
-  const double along = dot3(w, n);
-  *approach = -dt * along;
-  for (int a = 0; a < 3; a++)
-    slip[a] = dt * (w[a] - along * n[a]);
-}
-
 static void let_go(wr_state *h, size_t c) {
-  double *t = h->tangential_force + 3 * c, *slip = h->slip + 3 * c;
-  lose(h->normal_force[c], 0.0, t, none, h->approach[c], slip, h->totals);
-  h->stiffness[c] = h->normal_force[c] = h->approach[c] = 0.0;
-  memset(t, 0, sizeof none);
-  memset(slip, 0, sizeof none);
+  h->stiffness[c] = h->normal_force[c] = 0.0;
+  memset(h->tangential_force + 3 * c, 0, 3 * sizeof(double));
+  memset(h->slip + 3 * c, 0, 3 * sizeof(double));
 }
 
 /* Opens a row for each node that overlaps, or that its neighbours may push so far; returns their
@@ -183,18 +196,23 @@ static int64_t open_rows(const system_t *s, const wr_candidates *near, double *d
       continue;
     }
     open_row(s, c, s->solver->row + m);
-    memset(dv + 3 * c, 0, sizeof none);
+    memset(dv + 3 * c, 0, 3 * sizeof *dv);
     for (int b = 0; b < 4; b++)
-      memset(dv + 3 * (size_t)nodes[b], 0, sizeof none);
+      memset(dv + 3 * (size_t)nodes[b], 0, 3 * sizeof *dv);
     h->touching[m++] = (int32_t)c;
   }
   return m;
 }
 
-/* Takes over the solution and applies its forces; returns the number of nodes that press. */
+/* Takes over the solution and applies its forces; returns the number of nodes that press. What the
+ * first half of their work has not given to springs is lost. */
 static int64_t close_rows(const system_t *s, int64_t m) {
   wr_state *h = s->state;
+  wr_totals *total = h->totals;
+  const double normal = total->normal_energy, tangential = total->tangential_energy;
+  const int moving = s->kick == s->dt; /* else the first step: no first half but that of impacts */
   int64_t count = 0;
+  begin_step(total);
   for (int64_t i = 0; i < m; i++) {
     const wr_row *r = s->solver->row + i;
     const size_t c = (size_t)h->touching[i];
@@ -202,31 +220,28 @@ static int64_t close_rows(const system_t *s, int64_t m) {
       let_go(h, c);
       continue;
     }
-    double *slip = h->slip + 3 * c, *t = h->tangential_force + 3 * c, w[3], spin[3];
-    if (!(h->normal_force[c] > 0.0)) { /* born: the motion that led here */
-      relative(s->pass, h, c, s->dt, w, spin);
-      part(w, r->n, s->kick, h->approach + c, slip);
-    }
-    lose(h->normal_force[c], r->p, t, r->t, h->approach[c], slip, h->totals);
-    memcpy(t, r->t, sizeof r->t);
+    double w[3], spin[3];
+    const int struck = !(h->normal_force[c] > 0.0);
     h->normal_force[c] = r->p;
-    h->stiffness[c] = r->inverse / (s->dt * s->dt);
-    given(r, s->solver->dv, c, facet_of(s->pass, h, c), w);
-    for (int a = 0; a < 3; a++)
-      w[a] += r->w[a];
-    part(w, r->n, s->dt, h->approach + c, slip);
+    memcpy(h->tangential_force + 3 * c, r->t, sizeof r->t);
+    h->gap[c] = -s->dt * r->give[0] * r->p; /* at t + dt, with the force */
+    if (!s->solver->springs)
+      h->stiffness[c] = r->inverse / (s->dt * s->dt);
+    relative(s->pass, h, c, 0.0, w, spin);
+    count_work(h, c, moving || struck ? s->kick : 0.0, w);
+    total->normal_energy += 0.5 * s->dt * r->give[0] * r->p * r->p;
+    total->tangential_energy += 0.5 * s->dt * r->give[1] * dot3(r->t, r->t);
     h->touching[count++] = (int32_t)c;
     act(s->pass, h, c, s->f);
   }
+  total->damping_dissipation -= moving ? total->normal_energy - normal : 0.0;
+  total->friction_dissipation -= moving ? total->tangential_energy - tangential : 0.0;
   return count;
 }
 
-int64_t wr_lagrange(const wr_pass *pass, const wr_candidates *near, wr_state *state,
+int64_t wr_implicit(const wr_pass *pass, const wr_candidates *near, wr_state *state,
                     wr_solver *solver, double dt, double kick, double fade, double *f) {
   const system_t s = {pass, state, solver, dt, kick, fade, f};
-  const double max_penetration = state->totals->max_penetration; /* of wr_overlap */
-  begin_step(state->totals);
-  state->totals->max_penetration = max_penetration;
   double deep;
   const int64_t m = open_rows(&s, near, &deep);
   for (int64_t i = 0; i < m; i++) {

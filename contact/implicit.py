@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact without penetration: forward-increment Lagrange multipliers.
+"""Contact forces that fit the gaps at the end of the step: multipliers, and implicit springs.
 
 At t all forces but those of the contact are known, and with them where the nodes would be at
 t + dt. The closest points are found there, and forces are added at t such that each node that would
-overlap ends on the target (Carpenter, Taylor, Katona, Int. J. Numer. Meth. Eng. 32, 1991), none
-pulls, and slip stops where friction can stop it. Nodes that share a facet are coupled; projected
-Gauss-Seidel solves for them, starting from the forces of the last step.
+overlap ends on the target (Carpenter, Taylor, Katona, Int. J. Numer. Meth. Eng. 32, 1991), or where
+its spring bears its force; none pulls, and slip stops where friction can stop it. Nodes that share
+a facet are coupled; projected Gauss-Seidel solves for them, starting from the forces of the last
+step.
 
-Energy: a contact that lasts does no work. One that begins is a plastic impact of the surface nodes
-alone; what it takes of their kinetic energy is counted with the damping and falls with the size of
+A spring taken so is stable at any stiffness. It quiets what the grid can barely resolve, as a
+backward step does: a normal motion of frequency ω alone against a spring of frequency Ω >> ω keeps
+its energy.
+
+Energy: the work of the forces is counted as the leapfrog does it, on the positions and velocities
+at which it is done. What neither springs hold nor friction turns into heat is counted with the
+damping: landing is a plastic impact of the surface nodes alone, whose loss falls with the size of
 the cells.
 """
 
@@ -27,7 +33,7 @@ _SWEEPS = 200
 _LOST = 1e-3  # with a larger last move the forces mean nothing
 
 
-class Lagrange:
+class Implicit:
     """The solver of one pass.
 
     Attributes:
@@ -35,25 +41,31 @@ class Lagrange:
         residual: Their last move over the deepest overlap [-].
     """
 
-    def __init__(self, candidates: Candidates, state: ContactState, c_pass: Any) -> None:
-        """Bind candidates and state of a pass to ``c_pass``, the pass for the kernel."""
+    def __init__(
+        self, candidates: Candidates, state: ContactState, c_pass: Any, springs: bool
+    ) -> None:
+        """Bind candidates and state of a pass to ``c_pass``, the pass for the kernel.
+
+        With ``springs`` the contacts give way by their stiffness, else not.
+        """
         self._candidates, self._state, self._c_pass = candidates, state, c_pass
         nc, n = candidates.search.nc, candidates.search.n
         self._solver = struct(
             "wr_solver",
             tolerance=TOLERANCE,
             most=_SWEEPS,
+            springs=int(springs),
             ahead=candidates.exchange.ahead,
             row=ffi.new("wr_row[]", nc),
             dv=np.zeros((n, 3)),
         )
 
     def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
-        """Find the gaps one step ahead; ``touching`` nodes pressed at the last step."""
+        """End the last step, at which ``touching`` nodes pressed, and find the gaps one ahead."""
         near, state, smooth = self._candidates, self._state, self._candidates.search.smooth
         if smooth and near.found.corners:
             smooth.update(near.found.corners, near.exchange.c_xv)
-        state.totals.max_penetration = lib.wr_overlap(self._c_pass, state.c, touching)
+        lib.wr_settle(self._c_pass, state.c, touching, dt)
         near.exchange.predict(self._c_pass, force, dt, kick)
         near.track(near.exchange.c_ahead, state)
 
@@ -63,7 +75,7 @@ class Lagrange:
         Raises:
             RuntimeError: if the sweeps do not converge.
         """
-        touching = lib.wr_lagrange(
+        touching = lib.wr_implicit(
             self._c_pass,
             self._candidates.found.c,
             self._state.c,
@@ -75,7 +87,7 @@ class Lagrange:
         )
         if self.residual > _LOST:
             raise RuntimeError(
-                f"contact pair {self._candidates.name}: Lagrange forces have not converged after "
+                f"contact pair {self._candidates.name}: forces have not converged after "
                 f"{_SWEEPS} sweeps, last move {self.residual:.1e} of the overlap"
             )
         return int(touching)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Strips of narrow cells across the profiles of wheel and rail."""
+
+import numpy as np
+import pytest
+
+from meshes.generate.sweep import Strip
+from meshes.hexmesh import boundary
+from meshes.profiles.placement import flange_arcs, place, rail_in_track
+from meshes.profiles.profiles import s1002
+from meshes.quads import enclosed_volume
+from meshes.quality import cell_volumes, quality
+from meshes.tags import Tag
+from meshes.wheel_rail.rail import rail
+from meshes.wheel_rail.wheelset import wheelset
+from workflow import Scene
+from workflow.model.geometry import strips_of
+from workflow.scene import SceneError
+
+ZONE = (-0.06, 0.06)
+BODIES = {"wheel": (wheelset, Tag.TREAD), "rail": (rail, Tag.RAILHEAD)}
+
+
+def widths(mesh, tag):
+    """Width across the profile of the facets over the middle of the zone [m]."""
+    p = mesh.points[mesh.surface(tag)]
+    here = (np.abs(p[..., 0]) < 0.03).all(axis=1)
+    edges = np.roll(p[here], -1, axis=1) - p[here]
+    return np.linalg.norm(edges[..., 1:], axis=2).max(axis=1)
+
+
+@pytest.mark.parametrize("size", [5e-4, 2.5e-4])
+@pytest.mark.parametrize("side", BODIES)
+def test_cells_are_narrow_where_the_flange_touches(side, size):
+    """Narrowest columns within a factor 1.55 of what is asked; sound cells, closed surface."""
+    body, tag = BODIES[side]
+    strip = Strip(*flange_arcs(yaw=0.02)[side], size)
+    mesh, plain = body(size=4e-3, zone=ZONE, strip=strip), body(size=4e-3, zone=ZONE)
+    width = widths(mesh, tag)
+    narrow = width[width < 1.55 * size]
+    assert len(narrow) > 30
+    assert narrow.min() > size / 2.5
+    assert quality(mesh).scaled_jacobian > 0.2
+    assert len(plain.cells) < len(mesh.cells) < 1.5 * len(plain.cells)
+    inside = enclosed_volume(mesh.points, boundary(mesh.cells))
+    assert cell_volumes(mesh.points, mesh.cells).sum() == pytest.approx(inside, rel=1e-12)
+
+
+def test_strip_off_the_fine_profile_is_refused():
+    with pytest.raises(ValueError, match=r"strip: expected a part of the fine profile, .* got"):
+        rail(size=4e-3, zone=ZONE, strip=Strip(0.0, 0.004, 5e-4))
+
+
+def test_arcs_are_those_of_the_pressed_flange():
+    """They hold the points of first touch, and slope as the flange, within 8 degrees."""
+    arcs, at = flange_arcs(), place(shift=0.007)
+    assert arcs["wheel"][0] < at.flange_s < arcs["wheel"][1]
+    slope = np.degrees(-s1002().angle(np.linspace(*arcs["wheel"], 9)))
+    assert ((slope > 62) & (slope < 71)).all()
+    slope = np.degrees(rail_in_track().angle(np.linspace(*arcs["rail"], 9)))
+    assert ((slope > 60) & (slope < 78)).all()
+
+
+def test_scene_finds_its_strips_or_takes_those_told():
+    scene = Scene.load("flange-transition")
+    found = strips_of(scene)
+    told = strips_of(scene.with_(**{"mesh.strip.rail": [0.02, 0.026]}))
+    assert (told["rail"].start, told["rail"].end) == (0.02, 0.026)
+    assert told["wheel"] == found["wheel"]
+    assert strips_of(Scene.check({**scene.tables(), "mesh": plain(scene)})) == {
+        "wheel": None,
+        "rail": None,
+    }
+
+
+def plain(scene):
+    """The mesh table of a scene without its strip."""
+    return {key: value for key, value in scene.tables()["mesh"].items() if key != "strip"}
+
+
+def test_scene_says_what_is_wrong_with_a_strip():
+    with pytest.raises(SceneError, match=r"mesh\.strip\.size = 0\.0: expected"):
+        Scene.load("flange-transition", **{"mesh.strip.size": 0.0})
