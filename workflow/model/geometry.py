@@ -204,7 +204,9 @@ def placement_of(scene: Scene) -> profiles.Placement:
 
 
 def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
-    """Return the strips of narrow cells on wheel and rail, none where the scene asks for none.
+    """Return the strips of narrow cells on wheel and rail.
+
+    None where the scene asks for none, or leaves their place to a flange that the wheel has not.
 
     Raises:
         SceneError: if they have to be found and no position lets the flange touch.
@@ -214,19 +216,24 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
     if mesh.strip is None:
         return {"wheel": None, "rail": None}
     from meshes.generate.sweep import Strip
+    from meshes.profiles.features import flange_of
     from meshes.profiles.placement import flange_arcs
 
     given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
-    if None in given.values():
-        wheel, head, _ = profiles_of(mesh)
+    wheel, head, _ = profiles_of(mesh)
+    if None in given.values() and flange_of(wheel) is not None:
         rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
         try:
             found = flange_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
         except ValueError as error:
-            raise SceneError(f"mesh.strip: {error}") from None
+            raise SceneError(
+                f"mesh.strip: {error}; expected a flange that can touch, or the arc lengths "
+                "mesh.strip.wheel and mesh.strip.rail"
+            ) from None
         given = {side: given[side] or found[side] for side in given}
-    return {side: Strip(*arc, mesh.strip.size) for side, arc in given.items() if arc}
+    size = mesh.strip.size
+    return {side: Strip(*arc, size) if arc else None for side, arc in given.items()}
 
 
 def cached_wheel_on_rail(
