@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 _WATCH = 16
 _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
-_DEEP = 4.0
-_COMMON = 30.0  # percentile of edge lengths
+_DEEP = 4.0  # margins to which a static solve may press nodes into the target
+_COMMON = 30.0  # percentile of edge lengths that a strip of small cells does not reach
 
 
 class Candidates:

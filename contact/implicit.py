@@ -8,9 +8,8 @@ its spring bears its force; none pulls, and slip stops where friction can stop i
 a facet are coupled; projected Gauss-Seidel solves for them, starting from the forces of the last
 step.
 
-A spring taken so is stable at any stiffness. It quiets what the grid can barely resolve, as a
-backward step does: a normal motion of frequency ω alone against a spring of frequency Ω >> ω keeps
-its energy.
+A spring taken so is stable at any stiffness. As a backward step does, it damps what the grid can
+barely resolve, and leaves motions that are slow beside the spring alone.
 
 Energy: the work of the forces is counted as the leapfrog does it, on the positions and velocities
 at which it is done. What neither springs hold nor friction turns into heat is counted with the

@@ -130,7 +130,6 @@ void wr_effective_mass(const wr_pass *pass, const wr_candidates *near, const wr_
 static void begin_step(wr_totals *t) {
   *t = (wr_totals){.friction_dissipation = t->friction_dissipation,
                    .damping_dissipation = t->damping_dissipation,
-                   .work = t->work,
                    .max_penetration = t->max_penetration};
 }
 

@@ -39,9 +39,7 @@ static double gap_there(const wr_pass *pass, const wr_state *h, size_t c) {
 static double count_work(const wr_state *h, size_t c, double dt, const double *w) {
   wr_totals *total = h->totals;
   const double along = dot3(w, h->normal + 3 * c);
-  const double normal = 0.5 * dt * h->normal_force[c] * along;
-  total->damping_dissipation -= normal;
-  total->work += fabs(normal);
+  total->damping_dissipation -= 0.5 * dt * h->normal_force[c] * along;
   total->friction_dissipation -= 0.5 * dt * dot3(h->tangential_force + 3 * c, w);
   return along;
 }

@@ -49,7 +49,6 @@ typedef struct {
 typedef struct {
   double friction_dissipation;    /* accumulated                                              J */
   double damping_dissipation;     /* accumulated                                              J */
-  double work;                    /* accumulated: size of the normal forces' work, implicit   J */
   double normal_energy;           /* stored, of this step, as all that follows                J */
   double tangential_energy;       /*                                                          J */
   double max_penetration;         /* offsets counted in                                       m */

@@ -141,6 +141,7 @@ def check_profiles(scene: Scene) -> None:
     """
     if isinstance(scene.mesh, WheelRailMesh):
         placement_of(scene)
+        strips_of(scene)
 
 
 def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> profiles.Profile:
@@ -232,7 +233,13 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
                 "mesh.strip.wheel and mesh.strip.rail"
             ) from None
         given = {side: given[side] or found[side] for side in given}
-    size = mesh.strip.size
+    lengths, size = {"wheel": wheel.length, "rail": head.length}, mesh.strip.size
+    for side, arc in given.items():
+        if arc and not 0 <= arc[0] < arc[1] <= lengths[side]:
+            raise SceneError(
+                f"mesh.strip.{side} = {list(arc)}: expected a rising stretch of the profile's arc "
+                f"length, 0 to {lengths[side]:.4f} m"
+            )
     return {side: Strip(*arc, size) if arc else None for side, arc in given.items()}
 
 

@@ -99,17 +99,15 @@ def scale_masses(
         middle = (low + high) // 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     # dampers, connections and contacts want some more
-    bounds = (
-        (r, step_bound(bodies, scaled(r), connections, _silent))
-        for r in range(low, low - RUNGS, -1)
-    )
-    found = next(((rung, bound) for rung, bound in bounds if bound >= wanted), None)
-    if found is None:
+    rungs = range(low, low - RUNGS, -1)
+    bounds = (step_bound(bodies, scaled(rung), connections, _silent) for rung in rungs)
+    step = next((bound for bound in bounds if bound >= wanted), None)
+    if step is None:
         raise SceneError(
             f"mass_scaling.step = {settings.step}: expected a step that mass in cells can reach, "
             "got one that dampers, connections or contacts forbid; see squealx audit"
         )
-    added = _added(bodies, density.x.array[at], found[1])
+    added = _added(bodies, density.x.array[at], step)
     log(
         f"mass scaling: {added.total:.3g} kg in {added.cells} cells for a step of "
         f"{settings.step * 1e9:.1f} ns; by body "
