@@ -101,7 +101,8 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     peak at any size.
 
     The patch is no ellipse: its lower end reaches on to the shoulder, and its lateral half axis is
-    a third longer than Hertz's.
+    a third longer than Hertz's. Three rows of nodes cannot show all of that (5.2 mm of 6.1 mm), so
+    half axes are compared with those of the same pressure taken at the nodes.
     """
     changes = {"time.end": 4e-7, "time.output_interval": 2e-7}
     run(Scene.load("flange-transition", **changes), tmp_path / "run", quiet=True)
@@ -110,8 +111,9 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     assert rest is not None
     assert rest.error < 0.08
     assert np.degrees(rest.patch.contact_angle) == pytest.approx(rest.expected.angle, abs=1.0)
-    found = rest.found
-    assert found["nodes"][1:3] == pytest.approx(found["half-space"][1:3], rel=0.15)
+    found, areas = rest.found, rest.patch.areas
+    sampled = half_axes(rest.at, rest.expected.pressure(rest.at, areas) * areas)
+    assert found["nodes"][1:3] == pytest.approx(sampled, rel=0.1)
     assert found["half-space"][2] > 1.2 * found["Hertz"][2]
     log = (tmp_path / "run" / "run.log").read_text("utf-8")
     assert all(line in log for line in rest.lines())
