@@ -4,7 +4,7 @@
 A S1002 wheel is set on a 54E1 rail further and further towards the gauge face, and pressed on it
 with 84 kN. Hertz knows the two curvatures where they first touch; half-spaces take the distance of
 the profiles as it is. Where the curvature jumps, from R300 to R80 of the rail head, they differ.
-With the folder of a run of flange-transition its nodes at rest are put beside both.
+With the folder of a run of flange-transition its patches at rest are put beside both.
 
     python examples/patch_at_rest.py [RUN_FOLDER] [--out FIGURE.png]
 """
@@ -68,5 +68,5 @@ if __name__ == "__main__":
         )
     if asked.out:
         figure(asked.out, found)
-    if asked.run and (rest := at_rest(read_run(asked.run).record)):
+    for rest in at_rest(read_run(asked.run).record) if asked.run else ():
         print(*rest.lines(), sep="\n")

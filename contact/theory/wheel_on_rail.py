@@ -16,7 +16,8 @@ from contact.theory.half_space import HalfSpaceContact, half_space_contact
 from meshes.arrays import Array
 from meshes.profiles.surfaces import Surface
 
-SEEK = (0.020, 0.001)  # half widths of grids on which the first touch is sought, one in the other
+SEEK = (0.020, 0.020)  # how far along and across from a point near it a patch is sought [m]
+CLOSE = 20  # times narrower is the grid on which the first touch is found at last
 APART = 0.01  # distance where there is no rail or no wheel [m]
 CELLS = 64  # of the grid of the half-spaces, each way
 ROUNDS = 8  # in which the grid is fitted to the patch
@@ -29,6 +30,7 @@ class WheelOnRail:
     Attributes:
         origin: First touch of the undeformed surfaces, shape ``(3,)`` [m].
         frame: Longitudinal, lateral and normal direction there as rows, shape ``(3, 3)``.
+        reach: How far along and across from there was looked, shape ``(2,)`` [m].
         radii: Of the relative curvature there, along and across; negative where hollow [m].
         hertz: The contact of such radii, None where they are hollow.
         x, y: Middles of the grid along the first axes of the frame, shape ``(n,)`` each [m].
@@ -37,6 +39,7 @@ class WheelOnRail:
 
     origin: Array
     frame: Array
+    reach: Array
     radii: tuple[float, float]
     hertz: Hertz | None
     x: Array
@@ -58,25 +61,32 @@ class WheelOnRail:
         """Return longitudinal and lateral coordinates of positions, shape ``(n, 2)`` [m]."""
         return np.asarray((position - self.origin) @ self.frame[:2].T)
 
-    def pressure(self, at: Array, areas: Array | float = 0.0) -> Array:
+    def pressure(self, at: Array, sides: Array | float = 0.0) -> Array:
         """Return the pressure of the half-spaces, shape ``(n,)`` [Pa].
 
         Args:
             at: Longitudinal and lateral coordinates, shape ``(n, 2)`` [m].
-            areas: Of squares about them over which the mean is taken, shape ``(n,)`` [m2].
+            sides: Lengths of cells along and across, shape ``(n, 2)`` [m]: the mean is taken that
+                a node's force over its area is, weighted with its shape function over four cells.
         """
         from scipy.interpolate import RegularGridInterpolator
 
         axes, values = (self.x, self.y), self.half_space.pressure
         p = RegularGridInterpolator(axes, values, bounds_error=False, fill_value=0.0)
-        share = (np.arange(9) - 4) / 9
-        side = np.sqrt(np.broadcast_to(areas, len(at)))
-        around = [at + side[:, None] * way for way in _grid(share, share)]
-        return np.asarray(np.mean([p(points) for points in around], axis=0))
+        share = np.linspace(-1.0, 1.0, 19)[1:-1]
+        ways, hat = _grid(share, share), 1 - np.abs(share)
+        weights = np.outer(hat, hat).ravel() / hat.sum() ** 2
+        around = [w * p(at + sides * way) for w, way in zip(weights, ways, strict=True)]
+        return np.asarray(np.sum(around, axis=0))
 
 
 def profile_contact(
-    wheel: Surface, rail: Surface, near: Array, load: float, modulus: float
+    wheel: Surface,
+    rail: Surface,
+    near: Array,
+    load: float,
+    modulus: float,
+    reach: tuple[float, float] = SEEK,
 ) -> WheelOnRail:
     """Return the half-space contact of a wheel pressed on a rail.
 
@@ -86,18 +96,25 @@ def profile_contact(
         near: A point by which they touch, shape ``(3,)`` [m].
         load: Normal force [N].
         modulus: Contact modulus E* [Pa].
+        reach: How far along and across from there to look, not as far as another patch [m].
+
+    Raises:
+        RuntimeError: if the patch is not within reach.
     """
-    origin, frame = near, frame_of(rail.normal(near))
-    for half in (SEEK[0], *SEEK):  # once more from the tangent plane found
-        origin = _touch(wheel, rail, origin, frame, half)
+    frame = frame_of(rail.normal(near))
+    half = np.array(reach)
+    origin = _touch(wheel, rail, near, frame, half)
+    for part in (half, half / CLOSE):  # once more from the tangent plane found
         frame = frame_of(rail.normal(origin))
+        origin = _touch(wheel, rail, origin, frame, part)
+    frame = frame_of(rail.normal(origin))
     along, across = np.sum([s.curvatures(origin) for s in (wheel, rail)], axis=0)
     radii = (float(1 / along), float(1 / across) if across else np.inf)
     hertz = None
     if min(radii) > 0 and np.isfinite(radii[1]):
         hertz = hertz_ellipse(load, *radii, modulus)
-    x, y, found = _pressed(wheel, rail, origin, frame, load, modulus, 0.0)
-    return WheelOnRail(origin, frame, radii, hertz, x, y, found)
+    x, y, found = _pressed(wheel, rail, origin, frame, half, load, modulus, 0.0)
+    return WheelOnRail(origin, frame, half, radii, hertz, x, y, found)
 
 
 def with_layer(
@@ -113,7 +130,7 @@ def with_layer(
         modulus: Contact modulus E* [Pa].
         layer: How much it gives way under a unit pressure [m/Pa].
     """
-    x, y, found = _pressed(wheel, rail, hard.origin, hard.frame, load, modulus, layer)
+    x, y, found = _pressed(wheel, rail, hard.origin, hard.frame, hard.reach, load, modulus, layer)
     return replace(hard, x=x, y=y, half_space=found)
 
 
@@ -138,10 +155,9 @@ def _grid(x: Array, y: Array) -> Array:
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _touch(wheel: Surface, rail: Surface, origin: Array, frame: Array, half: float) -> Array:
+def _touch(wheel: Surface, rail: Surface, origin: Array, frame: Array, half: Array) -> Array:
     """Return the point of the rail on a grid about the origin that is nearest to the wheel."""
-    line = np.linspace(-half, half, 61)
-    at = _grid(line, line)
+    at = half * _grid(*[np.linspace(-1.0, 1.0, 61)] * 2)
     nearest = at[[np.argmin(gap(wheel, rail, origin, frame, at))]]
     plane = origin + nearest @ frame[:2]
     return np.asarray(plane[0] + rail.heights(plane, frame[2]) * frame[2])
@@ -152,6 +168,7 @@ def _pressed(
     rail: Surface,
     origin: Array,
     frame: Array,
+    reach: Array,
     load: float,
     modulus: float,
     layer: float,
@@ -160,14 +177,14 @@ def _pressed(
 
     Half-spaces touch only where the undeformed surfaces overlap at their approach.
     """
-    line = np.linspace(-SEEK[0], SEEK[0], 81)
-    wide = _grid(line, line)
+    wide = reach * _grid(*[np.linspace(-1.0, 1.0, 81)] * 2)
+    margin = reach / 40
     apart = gap(wheel, rail, origin, frame, wide)
     apart -= apart.min()
     approach = 1e-4
     for _ in range(ROUNDS):
         overlap = wide[apart < approach]
-        low, high = overlap.min(axis=0) - line[1] + line[0], overlap.max(axis=0) + line[1] - line[0]
+        low, high = overlap.min(axis=0) - margin, overlap.max(axis=0) + margin
         sides = (high - low) / CELLS
         x, y = (a + s * (np.arange(CELLS) + 0.5) for a, s in zip(low, sides, strict=True))
         distance = gap(wheel, rail, origin, frame, _grid(x, y)).reshape(CELLS, CELLS)
@@ -178,6 +195,6 @@ def _pressed(
             return x, y, found
         approach = 1.05 * found.approach
     raise RuntimeError(
-        f"half-space contact: expected a patch within {SEEK[0]} m of y = {origin[1]:.4f} m, got "
-        "one that reaches farther"
+        f"half-space contact: expected a patch within {reach[0]:.4f} m along and {reach[1]:.4f} m "
+        f"across of y = {origin[1]:.4f} m, got one that reaches farther"
     )

@@ -19,9 +19,9 @@ GAUGE = 1.435
 GAUGE_DEPTH = 0.014  # the gauge is measured this far below the rail top
 INCLINATION = 1 / 40
 FLANK = np.radians(4.0)  # what is less steep than the flange's steepest part by this is tread
-PRESSED = (
-    1e-4  # depth of the flange in the gauge corner whose overlap is the reach of its patch [m]
-)
+PRESSED = 1e-4  # depth of the flange in the corner, twice the approach of a loaded patch [m]
+WAY = 2.2e-3  # lateral way to there on which the tread's patch is looked at [m]
+TIGHT = 0.1  # relative radius across below which a patch is narrow: 6 mm under 100 kN [m]
 FLANGE = (
     "flange_point",
     "flange_gap",
@@ -214,7 +214,7 @@ def lateral_shift_for(
     return at(brentq(lambda shift: gap(shift) - flange_gap, *reach, xtol=1e-9))
 
 
-def flange_arcs(
+def narrow_arcs(
     wheel: Profile | None = None,
     rail: Profile | None = None,
     *,
@@ -223,10 +223,12 @@ def flange_arcs(
     roll: float = 0.0,
     tape: float = TAPE,
 ) -> dict[str, tuple[float, float]]:
-    """Return the arc lengths on ``wheel`` and ``rail`` that a pressed flange touches [m].
+    """Return the arc lengths on ``wheel`` and ``rail`` of narrow patches as a flange comes.
 
-    They are those of the points that overlap round the deepest one when the flange stands
-    :data:`PRESSED` deep in the gauge corner, about twice the approach of a heavily loaded patch.
+    They begin where a flange that stands :data:`PRESSED` deep in the gauge corner overlaps it, and
+    end where the tread touches on its way there, over the last :data:`WAY` of it, as far as both
+    profiles are curved enough there for a narrow patch (:data:`TIGHT`): on the shoulder of 54E1,
+    not on its crown.
 
     Args:
         wheel: Wheel profile; S1002 by default.
@@ -240,26 +242,38 @@ def flange_arcs(
         ValueError: as :func:`lateral_shift_for`.
     """
     wheel, rail = wheel or s1002(), rail or rail_in_track()
-    found = lateral_shift_for(
-        wheel, rail, flange_gap=-PRESSED, radius=radius, yaw=yaw, roll=roll, tape=tape
-    )
-    assert found.flange_s is not None
+    turn = {"radius": radius, "yaw": yaw, "roll": roll, "tape": tape}
+    pressed = lateral_shift_for(wheel, rail, flange_gap=-PRESSED, **turn)
+    arcs = [_overlapping(wheel, rail, pressed, turn)]
+    for shift in pressed.shift - np.linspace(0.0, WAY, 12):
+        at = place(wheel, rail, shift=float(shift), **turn)
+        if -wheel.curvature(at.tread_s) - rail.curvature(at.tread_rail_s) > 1 / TIGHT:
+            arcs.append((at.tread_s, at.tread_s, at.tread_rail_s, at.tread_rail_s))
+    low, high = np.min(arcs, axis=0), np.max(arcs, axis=0)
+    return {
+        "wheel": (float(low[0]), float(high[1])),
+        "rail": (float(low[2]), float(high[3])),
+    }
+
+
+def _overlapping(
+    wheel: Profile, rail: Profile, pressed: Placement, turn: dict[str, float]
+) -> tuple[float, float, float, float]:
+    """Return first and last arc length of wheel and rail that overlap round the deepest point."""
+    assert pressed.flange_s is not None
     s = np.arange(0, wheel.length, SPACING)
-    trace = outline(wheel, s, radius, yaw, roll) + found.centre
+    trace = outline(wheel, s, turn["radius"], turn["yaw"], turn["roll"]) + pressed.centre
     seen = np.isfinite(trace[:, 2])
     gap = np.full(len(s), np.inf)
     near = np.zeros(len(s))
     gap[seen], near[seen] = distance(trace[seen], rail)
-    deepest = int(np.searchsorted(s, found.flange_s))
+    deepest = int(np.searchsorted(s, pressed.flange_s))
     apart = np.flatnonzero(gap >= 0.0)
     k = int(np.searchsorted(apart, deepest))
     first = apart[k - 1] + 1 if k else 0
     last = apart[k] - 1 if k < len(apart) else len(s) - 1
     touched = near[first : last + 1]
-    return {
-        "wheel": (float(s[first]), float(s[last])),
-        "rail": (float(touched.min()), float(touched.max())),
-    }
+    return float(s[first]), float(s[last]), float(touched.min()), float(touched.max())
 
 
 def placed(mesh: HexMesh, placement: Placement) -> HexMesh:

@@ -107,12 +107,11 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     changes = {"time.end": 4e-7, "time.output_interval": 2e-7}
     run(Scene.load("flange-transition", **changes), tmp_path / "run", quiet=True)
     record = Record(tmp_path / "run")
-    rest = at_rest(record)
-    assert rest is not None
+    (rest,) = at_rest(record)
     assert rest.error < 0.08
     assert np.degrees(rest.patch.contact_angle) == pytest.approx(rest.expected.angle, abs=1.0)
-    found, areas = rest.found, rest.patch.areas
-    sampled = half_axes(rest.at, rest.expected.pressure(rest.at, areas) * areas)
+    found, share = rest.found, rest.expected.pressure(rest.at, rest.sides) * rest.patch.areas
+    sampled = half_axes(rest.at, share)
     assert found["nodes"][1:3] == pytest.approx(sampled, rel=0.1)
     assert found["half-space"][2] > 1.2 * found["Hertz"][2]
     log = (tmp_path / "run" / "run.log").read_text("utf-8")

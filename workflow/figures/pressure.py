@@ -139,36 +139,35 @@ AXES = ("longitudinal [mm]", "lateral [mm]")
 
 
 def at_rest(record: Record) -> "Figure | None":
-    """Outline and pressure of the patch at rest, Hertz and the half-space under the same force."""
+    """Outline and pressure of each patch at rest, Hertz and the half-space under the same force."""
     from workflow.theory.at_rest import at_rest as contact_at_rest
 
-    try:
-        rest = contact_at_rest(record)
-    except RuntimeError:  # too large a patch: a flange that lies in the gauge corner
+    patches = contact_at_rest(record)
+    if not patches:
         return None
-    if rest is None:
-        return None
-    fig = style.figure(style.PAGE, 3.1)
-    plan, *panels = fig.subplots(1, 3)
-    at = rest.at
-    middle = at[np.argmax(rest.pressure)]
-    _plan(plan, rest, at, middle)
-    for axes, k, mark in zip(panels, (0, 1), "bc", strict=True):
-        _line(axes, rest, at, middle, k)
-        style.letter(axes, mark, f"{AXES[k].split()[0]} line")
-    top = 1.05 * max(axes.get_ylim()[1] for axes in panels)
-    for axes in panels:
-        axes.set_ylim(0, top)
-    panels[0].set_ylabel("pressure [MPa]")
-    _legend(fig, rest)
+    fig = style.figure(style.PAGE, 0.4 + 2.7 * len(patches))
+    rows = fig.subplots(len(patches), 3, squeeze=False)
+    marks = iter("abcdef")
+    for (plan, *panels), rest in zip(rows, patches, strict=True):
+        at = rest.at
+        middle = at[np.argmax(rest.pressure)]
+        _plan(plan, rest, at, middle, next(marks))
+        for k, axes in enumerate(panels):
+            _line(axes, rest, at, middle, k)
+            style.letter(axes, next(marks), f"{AXES[k].split()[0]} line")
+        top = 1.05 * max(axes.get_ylim()[1] for axes in panels)
+        for axes in panels:
+            axes.set_ylim(0, top)
+        panels[0].set_ylabel("pressure [MPa]")
+    _legend(fig, any(rest.expected.hertz for rest in patches))
     return fig
 
 
-def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array) -> None:
+def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array, mark: str) -> None:
     """Draw the outlines, and the nodes with the areas they stand for, dark under pressure."""
     from matplotlib.collections import PolyCollection
 
-    e, half = rest.expected, np.sqrt(rest.patch.areas)[:, None, None] / 2
+    e, half = rest.expected, rest.sides[:, None] / 2
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     cells = PolyCollection(list((at[:, None] + half * corners) * MM), alpha=0.8, lw=0)
     cells.set_array(rest.pressure * MPA)
@@ -183,19 +182,20 @@ def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array) -> None:
     axes.plot(*at.T * MM, ".", color=style.INK, ms=2)
     axes.axhline(middle[1] * MM, color=style.FAINT, lw=0.6)
     axes.axvline(middle[0] * MM, color=style.FAINT, lw=0.6)
-    axes.set(xlabel=AXES[0], ylabel=AXES[1], aspect="equal")
+    axes.set(xlabel=AXES[0], ylabel=AXES[1])
     axes.autoscale_view()
     axes.grid(False)
     axes.figure.colorbar(cells, ax=axes, location="top", label="nodal pressure [MPa]", shrink=0.9)
     angle = np.degrees(rest.patch.contact_angle)
-    style.letter(axes, "a", f"{rest.patch.normal_force / 1e3:.1f} kN, {angle:.1f}°")
+    force = rest.patch.normal_force / 1e3
+    style.letter(axes, mark, f"{force:.1f} kN, {angle:.1f}°, {rest.error:.1%} rms")
 
 
 def _line(axes: "Axes", rest: "AtRest", at: Array, middle: Array, k: int) -> None:
     """Draw the pressures along axis ``k`` of the frame through a node."""
     e = rest.expected
     other = 1 - k
-    row = np.abs(at[:, other] - middle[other]) < 0.4 * np.sqrt(np.median(rest.patch.areas))
+    row = np.abs(at[:, other] - middle[other]) < 0.4 * np.median(rest.sides[:, other])
     touching = (e.half_space.pressure > 0).any(axis=other)
     reach = np.append((e.x, e.y)[k][touching], at[row, k])
     line = np.zeros((400, 2))
@@ -205,26 +205,22 @@ def _line(axes: "Axes", rest: "AtRest", at: Array, middle: Array, k: int) -> Non
     axes.plot(line[:, k] * MM, rest.softened.pressure(line) * MPA, **LINES["layer"])
     if e.hertz:
         axes.plot(line[:, k] * MM, e.hertz.pressure(*line.T) * MPA, **LINES["Hertz"])
-    means = e.pressure(at[row], rest.patch.areas[row])
+    means = e.pressure(at[row], rest.sides[row])
     axes.plot(at[row, k] * MM, means * MPA, **MEANS)
     axes.plot(at[row, k] * MM, rest.pressure[row] * MPA, **NODES)
     axes.set_xlabel(AXES[k])
 
 
-def _legend(fig: "Figure", rest: "AtRest") -> None:
+def _legend(fig: "Figure", hertz: bool) -> None:
     from matplotlib.lines import Line2D
 
     keys = [
-        Line2D([], [], label=f"contact nodes, {rest.error:.1%} rms off", **NODES),
-        Line2D([], [], label="half-space, mean over a node's area", **MEANS),
-        Line2D([], [], label="half-space, profiles as drawn", **LINES["half-space"]),
-        Line2D(
-            [],
-            [],
-            label=f"with a soft layer as the penalty: {rest.softened_error:.1%} rms",
-            **LINES["layer"],
-        ),
+        Line2D([], [], label="contact nodes", **NODES),
+        Line2D([], [], label="half-space, as a node sees it", **MEANS),
+        Line2D([], [], label="half-space of the profiles", **LINES["half-space"]),
+        Line2D([], [], label="with a layer as soft as the penalty", **LINES["layer"]),
         Line2D([], [], label="Hertz", **LINES["Hertz"]),
     ]
-    keys = keys if rest.expected.hertz else keys[:-1]
-    fig.legend(handles=keys, loc="outside lower center", ncols=3, columnspacing=1.2)
+    fig.legend(
+        handles=keys[: 5 if hertz else 4], loc="outside lower center", ncols=3, columnspacing=1.2
+    )

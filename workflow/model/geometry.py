@@ -218,7 +218,7 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
         return {"wheel": None, "rail": None}
     from meshes.generate.sweep import Strip
     from meshes.profiles.features import flange_of
-    from meshes.profiles.placement import flange_arcs
+    from meshes.profiles.placement import narrow_arcs
 
     given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
     wheel, head, _ = profiles_of(mesh)
@@ -226,7 +226,7 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
         rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
         try:
-            found = flange_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
+            found = narrow_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
         except ValueError as error:
             raise SceneError(
                 f"mesh.strip: {error}; expected a flange that can touch, or the arc lengths "

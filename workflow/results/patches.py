@@ -69,6 +69,8 @@ def travel(scene: Scene) -> Array | None:
     """
     if scene.rolling is not None:
         angle = scene.rolling.travel
+        if not scene.rolling.speed:
+            return None
         return scene.rolling.speed * np.array([np.cos(angle), np.sin(angle), 0.0])
     turning = [d for d in scene.driven.values() if any(d.spin)]
     return np.array(turning[0].velocity) if len(turning) == 1 else None

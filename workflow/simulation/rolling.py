@@ -70,7 +70,7 @@ def start(model: Model) -> None:
     V, omega, centre = travel(model), spin(model), np.array(model.placement.centre)
     x = model.domain.V.tabulate_dof_coordinates()
     v = state.v.x.array.reshape(-1, 3)
-    if rolling.steady_start:
+    if rolling.steady_start and rolling.speed:
         v[: model.domain.owned] += convected(model, flow(model, V, omega, centre))
         follow(model)
     dofs = model.bodies.dofs(rolling.body)

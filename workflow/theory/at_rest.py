@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A wheel at rest on the rail against two expectations: Hertz's ellipse and half-spaces.
 
-Both are made from the drawn profiles where wheel and rail stand in the state, and loaded by the
-normal force found. How they stand is read from their running surfaces around the patch, to each of
-which a rigid motion is fitted: under the load the axle bends and the rail twists, which moves the
-contact by millimetres.
+Both are made for each patch from the drawn profiles where wheel and rail stand in the state, and
+loaded by the normal force found. How they stand is read from their running surfaces around the
+patch, to each of which a rigid motion is fitted: under the load the axle bends and the rail twists,
+which moves the contact by millimetres.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from contact.creepage import rigid_motion
 from contact.theory.closed_forms import contact_modulus
-from contact.theory.wheel_on_rail import WheelOnRail, profile_contact, with_layer
+from contact.theory.wheel_on_rail import SEEK, WheelOnRail, profile_contact, with_layer
 from meshes.arrays import Array
 from meshes.profiles.placement import Placement, rail_in_track
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
 WHEELSET = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
+SIDES = {"tread", "railhead"}
 ON = 2e-4  # a node nearer to the drawn surface than this is on it [m]
 
 
@@ -42,13 +45,18 @@ class AtRest:
     """Contact at rest and what is expected of it.
 
     Attributes:
+        place: Of the patch: 1 on the rail top, 2 at the gauge corner.
         patch: The nodes in contact.
+        sides: Length along and across of the part of the surface that each node stands for, shape
+            ``(n, 2)`` [m].
         expected: Both expectations under the same force.
         softened: The same with a layer between the half-spaces that gives way as the penalty does.
         overlap: Of the nodes, the largest [m].
     """
 
+    place: int
     patch: PatchNodes
+    sides: Array
     expected: WheelOnRail
     softened: WheelOnRail
     overlap: float
@@ -67,7 +75,7 @@ class AtRest:
     def error(self) -> float:
         """Error of the nodal pressures, rms over the largest pressure of the half-spaces.
 
-        A node stands for its area, over which the expectation is averaged.
+        The expectation is averaged with the shape function of each node.
         """
         return self._off(self.expected)
 
@@ -77,44 +85,46 @@ class AtRest:
         return self._off(self.softened)
 
     def _off(self, e: WheelOnRail) -> float:
-        off = self.pressure - e.pressure(self.at, self.patch.areas)
+        off = self.pressure - e.pressure(self.at, self.sides)
         return float(np.sqrt(np.mean(off**2)) / e.half_space.pressure.max())
 
     @property
     def found(self) -> dict[str, tuple[float, float, float, float]]:
         """Largest pressure [Pa], half axes [m] and area [m2] of the nodes and as expected.
 
-        The half axes are those of the ellipse of the same second moments: ``a**2 / 5`` for Hertz.
+        Half axes and area are those of the ellipse of the same second moments, ``a**2 / 5`` for
+        Hertz; the areas that nodes stand for reach half a cell too far on every side.
         """
-        e, nodes = self.expected, self.patch
-        axes = half_axes(self.at, nodes.normal_forces)
-        rows = {"nodes": (float(self.pressure.max()), *axes, nodes.area)}
+        e = self.expected
+        axes = half_axes(self.at, self.patch.normal_forces)
+        rows = {"nodes": (float(self.pressure.max()), *axes)}
         for name, there in (("half-space", e), ("half-space with layer", self.softened)):
             p = there.half_space.pressure
-            rows[name] = (float(p.max()), *half_axes(there.grid, p.ravel()), there.half_space.area)
+            rows[name] = (float(p.max()), *half_axes(there.grid, p.ravel()))
         if e.hertz:
-            rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b, np.pi * e.hertz.a * e.hertz.b)
-        return rows
+            rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b)
+        return {name: (p0, a, b, float(np.pi * a * b)) for name, (p0, a, b) in rows.items()}
 
     def lines(self) -> list[str]:
         """Return the comparison in words and numbers, a line each."""
         e, patch = self.expected, self.patch
         angle, nodes = np.degrees(patch.contact_angle), len(patch.areas)
+        of = f"at rest, patch {self.place}"
         said = [
-            f"at rest: {patch.normal_force / 1e3:.1f} kN at {angle:.1f}° on "
+            f"{of}: {patch.normal_force / 1e3:.1f} kN at {angle:.1f}° on "
             f"{nodes} nodes; undeformed profiles touch at {e.angle:.1f}°, relative "
             f"radii {e.radii[0]:.3f} m along, {e.radii[1]:.3f} m across"
         ]
         said += [
-            f"at rest, {name}: p0 {p0 / 1e6:.0f} MPa, half axes {a * 1e3:.2f} and {b * 1e3:.2f} mm,"
-            f" area {area * 1e6:.0f} mm²"
+            f"{of}, {name}: p0 {p0 / 1e6:.0f} MPa, half axes "
+            f"{a * 1e3:.2f} and {b * 1e3:.2f} mm, area {area * 1e6:.1f} mm²"
             for name, (p0, a, b, area) in self.found.items()
         ]
         said += [
-            f"at rest: penalty springs give way by {self.overlap * 1e6:.1f} µm, a layer in an "
-            f"approach of {e.half_space.approach * 1e6:.0f} µm",
-            f"at rest: nodal pressure {self.error:.1%} rms off the half-space, "
-            f"{self.softened_error:.1%} off that with such a layer",
+            f"{of}: overlap of {self.overlap * 1e6:.1f} µm in an approach of "
+            f"{e.half_space.approach * 1e6:.0f} µm",
+            f"{of}: nodal pressure {self.error:.1%} rms off the "
+            f"half-space, {self.softened_error:.1%} off that with such a layer",
         ]
         return said
 
@@ -125,20 +135,26 @@ def half_axes(at: Array, force: Array) -> tuple[float, float]:
     return readings.half_axes(at - centre, force)
 
 
-def at_rest(record: Record) -> AtRest | None:
-    """Return the contact at the first output of a run, None if no wheel rests on a rail there."""
+def at_rest(record: Record) -> list[AtRest]:
+    """Return the patches at the first output of a run by place; none if no wheel rests on a rail.
+
+    Left out are patches too large for half-spaces: a flange that lies in the gauge corner.
+    """
     if not record.wheel_on_rail or record.body is None or not record.contacts:
-        return None
+        return []
     scene, (name, contact) = record.checked, next(iter(record.contacts.items()))
     if scene.equilibrium is None or not contact.patches[0]:
-        return None
+        return []
     u, points = record.displacement(float(contact.t[0])), record.body.points
     cells, regions = record.body.cells, record.body.regions
     tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
-    patch = whole(list(contact.patches[0].values()))
     nodes = (points[tyre], u[tyre]), (points[head], u[head])
     overlap = float(record.history.get(f"{name}_max_penetration", np.zeros(1))[0])
-    return compared(scene, placement_of(scene), patch, *nodes, overlap)
+    found: list[AtRest | None] = []
+    for place, patch in contact.patches[0].items():
+        with suppress(RuntimeError):  # said in the log at the start of the run
+            found.append(compared(scene, placement_of(scene), place, patch, *nodes, overlap))
+    return [rest for rest in found if rest]
 
 
 def tell(model: "Model", log: Callable[[str], Any]) -> None:
@@ -154,26 +170,28 @@ def tell(model: "Model", log: Callable[[str], Any]) -> None:
     for name, pair in model.pairs.items():
         contact, footprint = scene.contacts[name], pair.footprint()
         sides = (contact.contactor, contact.target)
-        if set(sides) != {"tread", "railhead"} or not footprint.patches:
+        if set(sides) != SIDES or not footprint.patches:
             continue
-        patch = whole(list(patches_of(vars(footprint)).values()))
         moved = [
             (surface.reference, now[:, :3] - surface.reference)
             for surface, now in zip((pair.contactor, pair.target), pair.surfaces(u, v), strict=True)
         ]
         tyre, head = moved[:: 1 if sides[0] == "tread" else -1]
-        try:
-            rest = compared(scene, model.placement, patch, tyre, head, pair.max_penetration)
-        except RuntimeError as error:  # the run does not hang on it
-            log(f"at rest: {error}")
-            continue
-        for line in rest.lines() if rest else ():
-            log(line)
+        for place, patch in patches_of(vars(footprint)).items():
+            overlap = pair.max_penetration
+            try:
+                rest = compared(scene, model.placement, place, patch, tyre, head, overlap)
+            except RuntimeError as error:  # the run does not hang on it
+                log(f"at rest, patch {place}: {error}")
+                continue
+            for line in rest.lines() if rest else ():
+                log(line)
 
 
 def compared(
     scene: Scene,
     at: Placement,
+    place: int,
     patch: PatchNodes,
     tyre: tuple[Array, Array],
     head: tuple[Array, Array],
@@ -184,10 +202,11 @@ def compared(
     Args:
         scene: The scene.
         at: Where the wheel stood before any load.
-        patch: All nodes in contact.
+        place: Of the patch: 1 or 2.
+        patch: Its nodes.
         tyre: Undeformed positions and displacements of nodes of the tyre, ``(n, 3)`` each [m].
         head: Those of the rail head.
-        overlap: Of the nodes, the largest [m].
+        overlap: Of all nodes in contact, the largest [m].
 
     Raises:
         RuntimeError: if the half-spaces have no contact of a size to be found.
@@ -198,9 +217,30 @@ def compared(
     drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
     load = patch.normal_force
-    hard = profile_contact(wheel, rail, patch.centre, load, modulus)
-    layer = overlap / float(patch.pressure.max())
-    return AtRest(patch, hard, with_layer(hard, wheel, rail, load, modulus, layer), overlap)
+    touching = [c.contactor for c in scene.contacts.values() if {c.contactor, c.target} == SIDES]
+    points, u = tyre if touching == ["tread"] else head
+    sides = sides_of(patch, points + u)
+    # somewhat farther than the nodes reach, not as far as the other patch
+    reach = np.minimum(SEEK, 1.4 * (np.abs(patch.local) + sides).max(axis=0))
+    hard = profile_contact(wheel, rail, patch.centre, load, modulus, tuple(reach))
+    soft = with_layer(hard, wheel, rail, load, modulus, overlap / float(patch.pressure.max()))
+    return AtRest(place, patch, sides, hard, soft, overlap)
+
+
+def sides_of(patch: PatchNodes, nodes: Array) -> Array:
+    """Return how far along and across each node of a patch stands for the surface, ``(n, 2)`` [m].
+
+    The side towards the nearest neighbour is its distance, the other one fills the area.
+
+    Args:
+        patch: Nodes of a contactor.
+        nodes: All nodes of the contactor's body as they stand, shape ``(m, 3)`` [m].
+    """
+    distance, nearest = KDTree(nodes).query(patch.position, k=2)
+    way = np.abs((nodes[nearest[:, 1]] - patch.position) @ patch.frame[:2].T)
+    near, far = distance[:, 1], patch.areas / distance[:, 1]
+    across = way[:, 1] > way[:, 0]
+    return np.column_stack([np.where(across, far, near), np.where(across, near, far)])
 
 
 def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Surface:
@@ -219,11 +259,6 @@ def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Su
     around = around[np.abs(depth) < ON * np.linalg.norm(gradient, axis=1)]
     moved = rigid_motion(points[around], u[around], patch.centre)
     return surface.moved(moved.velocity, moved.spin, patch.centre)
-
-
-def whole(patches: list[PatchNodes]) -> PatchNodes:
-    """Return the nodes of all patches as one."""
-    return PatchNodes(*(np.concatenate([vars(p)[k] for p in patches]) for k in vars(patches[0])))
 
 
 def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
@@ -277,20 +312,20 @@ def wheel_at_rest(record: Record) -> Iterator[Expected]:
     if weight is not None and first and free and not mesh.roll and not any(gravity[:2]):
         vertical = sum(patch.vertical_force for patch in first.values())
         yield Expected("vertical force at rest, weight", "N", vertical, weight, STATICS)
-    try:
-        rest = at_rest(record)
-    except RuntimeError:  # said in the log at the start of the run
-        return
-    if rest is None:
-        return
-    name = "nodal pressure at rest off half-spaces, rms over p0"
+    for rest in at_rest(record):
+        yield from _off_half_spaces(rest)
+
+
+def _off_half_spaces(rest: AtRest) -> Iterator[Expected]:
+    """Expecteds for a patch at rest: pressures and half axes of half-spaces."""
+    of = f"patch {rest.place} at rest"
+    name = f"{of}: nodal pressure off half-spaces, rms over p0"
     yield Expected(name, "1", rest.error, 0.0, HALF_SPACE)
-    yield Expected("the same with the penalty's layer", "1", rest.softened_error, 0.0, HALF_SPACE)
     k = int(np.argmax(rest.pressure))
-    exact = rest.expected.pressure(rest.at[[k]], rest.patch.areas[[k]])[0]
-    name = "largest nodal pressure at rest, mean over its area"
+    exact = rest.expected.pressure(rest.at[[k]], rest.sides[[k]])[0]
+    name = f"{of}: largest nodal pressure"
     yield Expected(name, "Pa", float(rest.pressure[k]), float(exact), HALF_SPACE)
     _, *found, _ = rest.found["nodes"]
     _, *axes, _ = rest.found["half-space"]
     for way, value, answer in zip(("along", "across"), found, axes, strict=True):
-        yield Expected(f"half axis at rest {way}, from moments", "m", value, answer, HALF_SPACE)
+        yield Expected(f"{of}: half axis {way}, by moments", "m", value, answer, HALF_SPACE)
