@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from workflow.simulation.initial import rest
     from workflow.simulation.run import run
     from workflow.simulation.stepping import central_difference
-    from workflow.theory.at_rest import at_rest, half_axes
+    from workflow.theory.wheel_on_rail import at_rest, half_axes
 
 __all__ = [
     "Model",
@@ -35,10 +35,10 @@ _HOME = {
     "Scene": "scene",
     "SceneError": "scene",
     "State": "model.state",
-    "at_rest": "theory.at_rest",
+    "at_rest": "theory.wheel_on_rail",
     "build": "model",
     "central_difference": "simulation.stepping",
-    "half_axes": "theory.at_rest",
+    "half_axes": "theory.wheel_on_rail",
     "read_run": "results.result",
     "rest": "simulation.initial",
     "run": "simulation.run",

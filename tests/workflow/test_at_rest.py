@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from contact.theory.wheel_on_rail import gap, profile_contact
@@ -14,7 +15,7 @@ from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
-from workflow.theory.at_rest import at_rest, half_axes, standing
+from workflow.theory.wheel_on_rail import at_rest, half_axes, standing
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)
 
@@ -72,7 +73,7 @@ def test_standing_is_read_from_the_surface():
     points = plane + rail.heights(plane, up)[:, None] * up
     shift, turn = np.array([1e-3, -2e-3, -5e-4]), np.array([2e-3, 1e-3, -1e-3])
     exact = rail.moved(shift, turn, centre)
-    moved = shift + np.cross(turn, points - centre)
+    moved = shift + Rotation.from_rotvec(turn).apply(points - centre) + centre - points
     deep = rng.uniform(-0.01, -0.002, (300, 1)) * up
     other = points[:300] + deep
     one = np.ones(100)
@@ -91,6 +92,27 @@ def test_standing_is_read_from_the_surface():
     )
     assert found.origin == pytest.approx(exact.origin, abs=1e-9)
     assert found.turn == pytest.approx(exact.turn, abs=1e-9)
+
+
+def test_standing_of_a_wheel_that_has_rolled():
+    """A wheel turned by 0.5 rad about its axle stands where its axle is, its surface to 1e-9 m."""
+    at = place(shift=0.003, yaw=0.02)
+    wheel = wheel_surface(s1002(), RADIUS, at.centre, 0.02)
+    along, across = np.meshgrid(np.linspace(-0.05, 0.05, 40), np.linspace(-0.03, 0.02, 40))
+    plane = at.tread_point + np.column_stack([along.ravel(), across.ravel(), np.zeros(along.size)])
+    bottom = plane + wheel.heights(plane, np.array([0.0, 0.0, 1.0]))[:, None] * [0.0, 0.0, 1.0]
+    bottom = bottom[np.isfinite(bottom).all(axis=1)]
+    rolled = Rotation.from_rotvec(0.5 * wheel.turn[:, 1])
+    before = rolled.apply(bottom - at.centre, inverse=True) + at.centre
+    shift = np.array([0.2, 1e-3, -1e-4])
+    one = np.ones(2)
+    position = at.tread_point + shift + np.array([[0.0, 1e-3, 0.0], [0.0, -1e-3, 0.0]])
+    up = np.tile([0.0, 0.0, 1.0], (2, 1))
+    patch = PatchNodes(position, up, one, np.zeros((2, 3)), one * 4e-5, one, one > 0)
+    found = standing(wheel, before, bottom + shift - before, patch)
+    depth, _ = found.depth(bottom + shift)
+    assert depth == pytest.approx(np.zeros(len(bottom)), abs=1e-9)
+    assert found.origin == pytest.approx(at.centre + shift, abs=1e-8)
 
 
 @pytest.mark.slow

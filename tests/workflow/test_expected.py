@@ -222,8 +222,8 @@ def test_wheel_at_rest(folders):
     weight = found["vertical force at rest, weight"]
     assert 0 <= weight.error < 5e-3 and weight.expected == pytest.approx(83.6e3, rel=0.01)
     assert abs(found["patch 1 at rest: nodal pressure off half-spaces, rms over p0"].error) < 0.08
-    assert abs(found["patch 1 at rest: half axis along, by moments"].error) < 0.1
-    assert len(found) == 5 and found["patch 1 at rest: largest nodal pressure"].value > 0
+    assert abs(found["patch 1 at rest: half axis along"].error) < 0.1
+    assert sum("at rest" in name for name in found) == 6
 
 
 def test_a_changed_bar_gets_its_own_answers(folders):

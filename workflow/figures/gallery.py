@@ -18,7 +18,7 @@ from workflow.figures.footprint import footprints
 from workflow.figures.history import energy, history, patch_forces, patch_means
 from workflow.figures.mesh import model
 from workflow.figures.placement import placement
-from workflow.figures.pressure import at_rest, pressure
+from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.section import contact_nodes, cross_section
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
@@ -34,6 +34,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     cross_section,
     contact_nodes,
     at_rest,
+    half_spaces,
     patch_forces,
     patch_means,
     adhesion,

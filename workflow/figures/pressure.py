@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contact.theory.closed_forms import Hertz
-    from workflow.theory.at_rest import AtRest
+    from workflow.theory.wheel_on_rail import OnHalfSpaces
 
 MM, MPA = 1e3, 1e-6
 EXACT: dict[str, Any] = {"color": style.CLOSED_FORM, "lw": 3.5}
@@ -135,12 +135,14 @@ LINES: dict[str, Any] = {
 }
 NODES: dict[str, Any] = {"color": style.PATCH[1], "ms": 4.5, "ls": "", "marker": "o"}
 MEANS: dict[str, Any] = {"mfc": "none", "mec": style.PATCH[2], "ms": 6.5, "ls": "", "marker": "s"}
+OUTPUTS = 30  # of a run that are compared with half-spaces
+BESIDE = ("nodes", "half-space")
 AXES = ("longitudinal [mm]", "lateral [mm]")
 
 
 def at_rest(record: Record) -> "Figure | None":
     """Outline and pressure of each patch at rest, Hertz and the half-space under the same force."""
-    from workflow.theory.at_rest import at_rest as contact_at_rest
+    from workflow.theory.wheel_on_rail import at_rest as contact_at_rest
 
     patches = contact_at_rest(record)
     if not patches:
@@ -163,7 +165,46 @@ def at_rest(record: Record) -> "Figure | None":
     return fig
 
 
-def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array, mark: str) -> None:
+def half_spaces(record: Record) -> "Figure | None":
+    """Area and peak pressure of each patch of a rolling wheel, and those of half-spaces.
+
+    The half-spaces have the drawn profiles as they stand at that time and the normal force found.
+    Areas are those of ellipses of the same second moments of the pressure.
+    """
+    rolling = record.checked.rolling if record.wheel_on_rail else None
+    if rolling is None or not rolling.speed or not record.contacts:
+        return None
+    from workflow.theory.wheel_on_rail import on_half_spaces, spread
+
+    contact = next(iter(record.contacts.values()))
+    outputs = spread([k for k, patches in enumerate(contact.patches) if patches], OUTPUTS)
+    seen = [(contact.t[k], patch) for k in outputs for patch in on_half_spaces(record, k)]
+    if not seen:
+        return None
+    fig = style.figure(style.PAGE, 2.8)
+    area, peak = fig.subplots(1, 2)
+    scale, unit = style.prefixed(contact.t, "s")
+    for place in sorted({patch.place for _, patch in seen}):
+        there = [(t * scale, patch.found) for t, patch in seen if patch.place == place]
+        t = [time for time, _ in there]
+        for axes, k, factor in ((area, 3, 1e6), (peak, 0, MPA)):
+            rows = {name: [found[name][k] * factor for _, found in there] for name in BESIDE}
+            axes.plot(t, rows["half-space"], color=style.PATCH[place], lw=1.2)
+            axes.plot(
+                t, rows["nodes"], "o", color=style.PATCH[place], ms=3.5, label=f"patch {place}"
+            )
+    for axes, mark, title, label in (
+        (area, "a", "contact area", "area [mm²]"),
+        (peak, "b", "largest pressure", "pressure [MPa]"),
+    ):
+        style.letter(axes, mark, title)
+        axes.set(xlabel=f"time [{unit}]", ylabel=label, ylim=(0, None))
+    area.plot([], [], color=style.INK, lw=1.2, label="half-spaces, same force")
+    fig.legend(*area.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return fig
+
+
+def _plan(axes: "Axes", rest: "OnHalfSpaces", at: Array, middle: Array, mark: str) -> None:
     """Draw the outlines, and the nodes with the areas they stand for, dark under pressure."""
     from matplotlib.collections import PolyCollection
 
@@ -191,7 +232,7 @@ def _plan(axes: "Axes", rest: "AtRest", at: Array, middle: Array, mark: str) -> 
     style.letter(axes, mark, f"{force:.1f} kN, {angle:.1f}°, {rest.error:.1%} rms")
 
 
-def _line(axes: "Axes", rest: "AtRest", at: Array, middle: Array, k: int) -> None:
+def _line(axes: "Axes", rest: "OnHalfSpaces", at: Array, middle: Array, k: int) -> None:
     """Draw the pressures along axis ``k`` of the frame through a node."""
     e = rest.expected
     other = 1 - k

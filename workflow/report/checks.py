@@ -10,8 +10,8 @@ import numpy as np
 
 from workflow.report.tables import number
 from workflow.results.record import Contact, Record
-from workflow.theory.at_rest import weight_on_rail
 from workflow.theory.smooth import applied
+from workflow.theory.wheel_on_rail import weight_on_rail
 
 LOAD = 0.01  # of the load, that a contact at rest may be off by
 ROUND_OFF = 1e-9  # of the largest force

@@ -220,10 +220,15 @@ def names() -> list[str]:
     return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def read(source: str | Path) -> dict[str, Any]:
+def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked.
 
-    The path of a mesh file is relative to the TOML file that names it.
+    A file with ``base`` starts from that scene, built-in or a file beside it, and has its own keys
+    put over it. The path of a mesh file is relative to the TOML file that names it.
+
+    Args:
+        source: Name of a built-in scene, or path of a TOML file.
+        above: Scenes that start from this one.
     """
     path = Path(source)
     try:
@@ -233,7 +238,19 @@ def read(source: str | Path) -> dict[str, Any]:
     mesh = tables.get("mesh")
     if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
         mesh["path"] = str(path.parent / mesh["path"])
-    return tables
+    base, above = tables.pop("base", None), (*above, str(source))
+    if base is None:
+        return tables
+    if not isinstance(base, str):
+        raise SceneError(f"{source}: base = {base!r}: expected the name of a scene or a TOML file")
+    if base not in names():
+        base = str(path.parent / base)
+    if base in above:
+        raise SceneError(f"{source}: base = {base!r}: expected a scene that does not start from it")
+    try:
+        return keys.joined(read(base, above), tables)
+    except SceneError as error:
+        raise SceneError(f"{source}: base: {error}") from None
 
 
 def _text(path: Path, source: str) -> str:

@@ -158,9 +158,9 @@ def begin(job: Job) -> None:
     with job.clock.phase("equilibrium"):
         start(model, job.progress.log)
     if model.placement is not None:
-        from workflow.theory import at_rest  # the half-space, for wheel on rail alone
+        from workflow.theory import wheel_on_rail  # half-spaces, for that alone
 
-        at_rest.tell(model, job.progress.note)
+        wheel_on_rail.tell(model, job.progress.note)
 
 
 def take_up(job: Job, point: checkpoint.Checkpoint) -> None:

@@ -52,7 +52,7 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
 
             return struck, shifted, carter, creep_force, half_space_code, hertz_contact
         case WheelRailMesh():
-            from workflow.theory.at_rest import wheel_at_rest
+            from workflow.theory.wheel_on_rail import wheel_at_rest, wheel_rolling
 
-            return (wheel_at_rest,)
+            return wheel_at_rest, wheel_rolling
     return ()

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A wheel at rest on the rail against two expectations: Hertz's ellipse and half-spaces.
+"""Patches of a wheel on a rail, at rest or rolling, against Hertz's ellipse and half-spaces.
 
 Both are made for each patch from the drawn profiles where wheel and rail stand in the state, and
 loaded by the normal force found. How they stand is read from their running surfaces around the
 patch, to each of which a rigid motion is fitted: under the load the axle bends and the rail twists,
-which moves the contact by millimetres.
+which moves the contact by millimetres. Friction does not change the pressure between bodies of the
+same material, so the same holds while they roll and slide.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
-from contact.creepage import rigid_motion
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import SEEK, WheelOnRail, profile_contact, with_layer
 from meshes.arrays import Array
@@ -37,12 +38,13 @@ if TYPE_CHECKING:
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
 WHEELSET = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
 SIDES = {"tread", "railhead"}
+FEW = 6  # outputs of a run that are compared with half-spaces for its summary
 ON = 2e-4  # a node nearer to the drawn surface than this is on it [m]
 
 
 @dataclass(frozen=True)
-class AtRest:
-    """Contact at rest and what is expected of it.
+class OnHalfSpaces:
+    """A patch and what is expected of it.
 
     Attributes:
         place: Of the patch: 1 on the rail top, 2 at the gauge corner.
@@ -105,11 +107,11 @@ class AtRest:
             rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b)
         return {name: (p0, a, b, float(np.pi * a * b)) for name, (p0, a, b) in rows.items()}
 
-    def lines(self) -> list[str]:
+    def lines(self, when: str = "at rest") -> list[str]:
         """Return the comparison in words and numbers, a line each."""
         e, patch = self.expected, self.patch
         angle, nodes = np.degrees(patch.contact_angle), len(patch.areas)
-        of = f"at rest, patch {self.place}"
+        of = f"{when}, patch {self.place}"
         said = [
             f"{of}: {patch.normal_force / 1e3:.1f} kN at {angle:.1f}° on "
             f"{nodes} nodes; undeformed profiles touch at {e.angle:.1f}°, relative "
@@ -135,26 +137,36 @@ def half_axes(at: Array, force: Array) -> tuple[float, float]:
     return readings.half_axes(at - centre, force)
 
 
-def at_rest(record: Record) -> list[AtRest]:
-    """Return the patches at the first output of a run by place; none if no wheel rests on a rail.
+def at_rest(record: Record) -> list[OnHalfSpaces]:
+    """Return the patches at rest of a run by place; none if no wheel rests on a rail there."""
+    if not record.wheel_on_rail or record.checked.equilibrium is None:
+        return []
+    return on_half_spaces(record, 0)
+
+
+def on_half_spaces(record: Record, output: int) -> list[OnHalfSpaces]:
+    """Return the patches of a wheel on a rail at an output of a run by place.
 
     Left out are patches too large for half-spaces: a flange that lies in the gauge corner.
+
+    Args:
+        record: Of a run with fields; of one without there are no patches.
+        output: Number of the output.
     """
     if not record.wheel_on_rail or record.body is None or not record.contacts:
         return []
     scene, (name, contact) = record.checked, next(iter(record.contacts.items()))
-    if scene.equilibrium is None or not contact.patches[0]:
-        return []
-    u, points = record.displacement(float(contact.t[0])), record.body.points
+    t, points = float(contact.t[output]), record.body.points
+    u, history = record.displacement(t), record.history
     cells, regions = record.body.cells, record.body.regions
     tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
     nodes = (points[tyre], u[tyre]), (points[head], u[head])
-    overlap = float(record.history.get(f"{name}_max_penetration", np.zeros(1))[0])
-    found: list[AtRest | None] = []
-    for place, patch in contact.patches[0].items():
+    deepest = history[f"{name}_max_penetration"][np.argmin(np.abs(history["t"] - t))]
+    found: list[OnHalfSpaces | None] = []
+    for place, patch in contact.patches[output].items():
         with suppress(RuntimeError):  # said in the log at the start of the run
-            found.append(compared(scene, placement_of(scene), place, patch, *nodes, overlap))
-    return [rest for rest in found if rest]
+            found.append(compared(scene, placement_of(scene), place, patch, *nodes, float(deepest)))
+    return [patch for patch in found if patch]
 
 
 def tell(model: "Model", log: Callable[[str], Any]) -> None:
@@ -196,7 +208,7 @@ def compared(
     tyre: tuple[Array, Array],
     head: tuple[Array, Array],
     overlap: float,
-) -> AtRest | None:
+) -> OnHalfSpaces | None:
     """Return a patch and what is expected of it, None if the bodies are not isotropic.
 
     Args:
@@ -224,7 +236,7 @@ def compared(
     reach = np.minimum(SEEK, 1.4 * (np.abs(patch.local) + sides).max(axis=0))
     hard = profile_contact(wheel, rail, patch.centre, load, modulus, tuple(reach))
     soft = with_layer(hard, wheel, rail, load, modulus, overlap / float(patch.pressure.max()))
-    return AtRest(place, patch, sides, hard, soft, overlap)
+    return OnHalfSpaces(place, patch, sides, hard, soft, overlap)
 
 
 def sides_of(patch: PatchNodes, nodes: Array) -> Array:
@@ -253,12 +265,14 @@ def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Su
         patch: Where the bodies touch.
     """
     near, far = np.array(AROUND) * np.sqrt(patch.area / np.pi)
-    distance = np.linalg.norm(points - patch.centre, axis=1)
+    now = points + u
+    distance = np.linalg.norm(now - patch.centre, axis=1)
     around = np.flatnonzero((distance > near) & (distance < far))
     depth, gradient = surface.depth(points[around])
     around = around[np.abs(depth) < ON * np.linalg.norm(gradient, axis=1)]
-    moved = rigid_motion(points[around], u[around], patch.centre)
-    return surface.moved(moved.velocity, moved.spin, patch.centre)
+    before, after = points[around].mean(axis=0), now[around].mean(axis=0)
+    turn, _ = Rotation.align_vectors(now[around] - after, points[around] - before)
+    return surface.moved(after - before, turn.as_rotvec(), before)
 
 
 def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
@@ -313,19 +327,43 @@ def wheel_at_rest(record: Record) -> Iterator[Expected]:
         vertical = sum(patch.vertical_force for patch in first.values())
         yield Expected("vertical force at rest, weight", "N", vertical, weight, STATICS)
     for rest in at_rest(record):
-        yield from _off_half_spaces(rest)
+        yield from _off_half_spaces(f"patch {rest.place} at rest", [rest])
 
 
-def _off_half_spaces(rest: AtRest) -> Iterator[Expected]:
-    """Expecteds for a patch at rest: pressures and half axes of half-spaces."""
-    of = f"patch {rest.place} at rest"
-    name = f"{of}: nodal pressure off half-spaces, rms over p0"
-    yield Expected(name, "1", rest.error, 0.0, HALF_SPACE)
-    k = int(np.argmax(rest.pressure))
-    exact = rest.expected.pressure(rest.at[[k]], rest.sides[[k]])[0]
-    name = f"{of}: largest nodal pressure"
-    yield Expected(name, "Pa", float(rest.pressure[k]), float(exact), HALF_SPACE)
-    _, *found, _ = rest.found["nodes"]
-    _, *axes, _ = rest.found["half-space"]
-    for way, value, answer in zip(("along", "across"), found, axes, strict=True):
-        yield Expected(f"{of}: half axis {way}, by moments", "m", value, answer, HALF_SPACE)
+def wheel_rolling(record: Record) -> Iterator[Expected]:
+    """Expecteds for a wheel that rolls on a rail: areas, peaks and pressures of half-spaces.
+
+    Means over some outputs, of those at which it touches in two patches if there are any.
+    """
+    scene = record.checked
+    if not (record.wheel_on_rail and scene.rolling and scene.rolling.speed and record.contacts):
+        return
+    contact = next(iter(record.contacts.values()))
+    touching = [k for k, patches in enumerate(contact.patches) if k and patches]
+    two = [k for k in touching if contact.two_points[k]]
+    outputs = spread(two or touching, FEW)
+    seen = [patch for k in outputs for patch in on_half_spaces(record, k)]
+    for place in (1, 2):
+        patches = [patch for patch in seen if patch.place == place]
+        if patches:
+            name = f"patch {place} rolling, mean of {len(patches)} outputs"
+            yield from _off_half_spaces(name, patches)
+
+
+def spread(items: list[int], most: int) -> list[int]:
+    """Return at most so many items of a list, evenly spread, its last one among them."""
+    chosen = np.unique(np.linspace(len(items) - 1, 0, min(most, len(items))).astype(int))
+    return [items[k] for k in chosen]
+
+
+def _off_half_spaces(name: str, patches: list[OnHalfSpaces]) -> Iterator[Expected]:
+    """Expecteds for means over patches: pressures, half axes and areas of half-spaces."""
+    rms = float(np.mean([patch.error for patch in patches]))
+    yield Expected(
+        f"{name}: nodal pressure off half-spaces, rms over p0", "1", rms, 0.0, HALF_SPACE
+    )
+    rows = [(patch.found["nodes"], patch.found["half-space"]) for patch in patches]
+    found, answer = np.mean(rows, axis=0)
+    columns = {"peak pressure": "Pa", "half axis along": "m", "half axis across": "m", "area": "m2"}
+    for (what, unit), value, exact in zip(columns.items(), found, answer, strict=True):
+        yield Expected(f"{name}: {what}", unit, float(value), float(exact), HALF_SPACE)
