@@ -64,6 +64,10 @@ class Watch:
             GuardError: telling time, place, likely cause and remedy.
         """
         check_energy(self.model, ledger)
+        self.check_contacts()
+
+    def check_contacts(self) -> None:
+        """Raise if a contact is too deep, or lost where it is to be kept."""
         for name, pair in self.model.pairs.items():
             for side, sizes in zip(pair.passes, self.sizes[name], strict=True):
                 self._depth(name, side, sizes)
