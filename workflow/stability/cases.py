@@ -202,7 +202,7 @@ def _body_axes() -> Iterator[Case]:
     yield from _axis("load on a sphere [N]", "load", one, pressed)
     pressed_by: dict[str, tuple[str, dict[str, Any]]] = {
         "line": ("press", {}),
-        "sphere": ("load", pressed(1e3)),
+        "sphere, 10 kN": ("load", pressed(1e4)),
         "roller": ("roll", {}),
         "wheel, 20 mrad": ("drift", drifting(20)),
     }

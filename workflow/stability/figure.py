@@ -156,7 +156,7 @@ def _legend(axes: "Axes") -> None:
     axes.legend(handles=handles, loc="upper left", fontsize=6, borderaxespad=0)
     axes.text(
         0.0,
-        0.36,
+        0.3,
         "number: the worst measure in %\n"
         "N normal force, v change of speed, T tangential force,\n"
         "p largest pressure, l elongation, against closed forms;\n"
