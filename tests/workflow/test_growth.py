@@ -24,6 +24,7 @@ from workflow.stability.growth import (
     Growth,
     alike,
     growth,
+    model_growth,
     refined,
     sliding_growth,
     told,
@@ -163,3 +164,16 @@ def test_refined_scenes():
     assert (fine.mesh.size, fine.mesh.base_size) == (0.0025, 0.003)
     dampings = [body.stiffness_damping for body in fine.bodies.values()]
     assert dampings == pytest.approx([5e-8, 6e-8])
+
+
+def test_cells_of_one_model_share_its_runs(monkeypatch):
+    """Contact, damping of it, step and precision are no part of the model; friction is."""
+    ran = []
+    monkeypatch.setattr("workflow.stability.growth.KNOWN", {})
+    monkeypatch.setattr("workflow.stability.growth.sliding_growth",
+                        lambda scene, contact: ran.append(scene) or at(1, 0))  # fmt: skip
+    base = Scene.load("sliding-block", **COARSE)
+    for keys in ({}, {"time.safety": 0.1}, {FACE + "damping": 0.3}, implicit(30, "face")):
+        assert len(model_growth(base.with_(**keys), "face")) == len(ran) == 6
+    model_growth(base.with_(**{FACE + "friction": 0.4}), "face")
+    assert len(ran) == 12 and {s.contacts["face"].penalty for s in ran} == {STIFF}

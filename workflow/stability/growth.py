@@ -26,6 +26,7 @@ from workflow.simulation.run import run
 CELLS = (1.0, 2 / 3, 1 / 2)  # over those of the scene
 DAMPINGS = (0.0, 50e-9)  # of stiffness, added to that of the scene [s]
 STIFF = 10.0  # penalty of implicit springs, 0.4 % off the frequency of a constraint
+SAFETY = 0.9  # step over its bound
 RAMP = 20e-6  # within which friction comes on [s]
 FREQUENCY, RATE = 0.1, 0.25  # farthest from the mean of all runs, over it
 SLOWER, FASTER = 0.6, 1.15  # frequency with the contact of the scene over that of the model
@@ -124,7 +125,7 @@ def itself(scene: Scene, contact: str) -> tuple[bool, str]:
     return same, f"{told([own])}; the model itself {told(found)}"
 
 
-KNOWN: dict[str, list[Growth]] = {}  # of models that differ in their contact only
+KNOWN: dict[str, list[Growth]] = {}  # of models that differ in contact and step only
 
 
 def model_growth(scene: Scene, contact: str) -> list[Growth]:
@@ -134,7 +135,8 @@ def model_growth(scene: Scene, contact: str) -> list[Growth]:
     """
     kept = scene.contacts[contact].model_dump(include={"contactor", "target", "friction"})
     stiff = {**kept, "method": "implicit-penalty", "penalty": STIFF}
-    scene = scene.with_(contacts={contact: stiff})
+    step = {"time.safety": SAFETY, "time.precision": "float64"}
+    scene = scene.with_(contacts={contact: stiff}, **step)
     key = scene.model_dump_json()
     if key not in KNOWN:
         KNOWN[key] = found = []
