@@ -128,11 +128,40 @@ def test_equivalent_penalties_undo_each_other():
     assert k == pytest.approx(first["stiffness"], rel=0.15)
 
 
+IMPLICIT = {"contacts.face.method": "implicit-penalty", "contacts.face.penalty": 10.0}
+
+
+def test_springs_at_the_end_of_the_step_ask_for_nothing():
+    """No penalty is too large, the whole step is that of the bodies, and the give at rest is p A
+    over Σk of springs of 10 m/dt², at no node three times that."""
+    found = report(Scene.load("sliding-block", **SMALL, **IMPLICIT))
+    assert found["asked"]["contacts"] == 0 and found["critical"]["penalty_factor"] == np.inf
+    assert found["critical"]["step"] == pytest.approx(found["critical"]["step_without_contact"])
+    face, model = found["contacts"]["face"], at_rest(**IMPLICIT)
+    assert not face["limits_the_step"]
+    springs_of = Limits(model).springs["face"][0].springs
+    k = springs_of.mass.sum() * 10.0 / model.dt**2
+    assert 1 <= face["penetration"] / (10e6 * 0.02**2 / k) < 3
+    told = "\n".join(printout(found))
+    assert "stable at any penalty and takes nothing of the step, give" in told
+    assert "largest stable penalties" not in told and found["doubts"] == []
+
+
+def test_a_soft_and_a_hard_contact_are_told_apart():
+    """Without give there is nothing to tell but that; explicit springs keep their limits."""
+    lagrange = report(Scene.load("sliding-block", **SMALL, **{"contacts.face.method": "lagrange"}))
+    assert "contacts.face: lagrange, no give" in "\n".join(printout(lagrange))
+    plain = report(Scene.load("sliding-block", **SMALL))
+    told = "\n".join(printout(plain))
+    assert "largest stable penalties" in told and "stable at any penalty" not in told
+
+
 DOUBTS = [
     ({"time.safety": 1.15}, "time.safety = 1.15"),
     ({"bodies.base.material.poisson_ratio": 0.4999}, "full quadrature locks"),
     ({"contacts.face.penalty": 2.0}, "a landing adds up to"),
     ({"contacts.face.penalty": 5.0}, "leaves no room"),
+    (IMPLICIT | {"contacts.face.penalty": 0.4}, "gives way as much as the cells"),
     ({"bodies.base.material.youngs_modulus": 180e9}, "slip waves of"),
     ({"loads": [{"surface": "zmax", "traction": [0.0, 0.0, -9e9]}]}, "of a cell"),
 ]

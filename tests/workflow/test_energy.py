@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workflow import Scene, run
-from workflow.simulation.energy import Energy, blown_up
+from workflow.simulation.energy import FLIGHT, Energy, blown_up
 from workflow.simulation.guards import GuardError
 
 LENGTH, WIDTH, RHO, E = 0.1, 0.01, 7800.0, 210e9
@@ -130,3 +130,72 @@ def test_small_balance_error_is_let_pass_and_a_large_one_is_not(tmp_path):
     """With the guard at 1e-18 the first round-off stops the run."""
     with pytest.raises(GuardError, match=r"is over guards.energy_error = 0.00%"):
         history(bar(**{"guards.energy_error": 1e-18}), tmp_path)
+
+
+class Push:
+    """A force along x on all nodes of a body, in proportion to mass, that the ledger is not told.
+
+    Args:
+        model: The model.
+        body: The body.
+        force: Its resultant [N].
+    """
+
+    def __init__(self, model, body: str, force: float) -> None:
+        self.dofs = model.bodies.dofs(body)
+        mass = model.mass.array[::3][self.dofs]
+        self.nodal = force * mass / mass.sum()
+
+    def add(self, state, force) -> None:
+        """Add it."""
+        force.array[3 * self.dofs] += self.nodal
+
+
+FAST, WEIGHT, HEAT = 100.0, 4000.0, 0.3  # speed [m/s], load [N] and friction of the sliding block
+
+
+def pushed(folder, force: float) -> dict:
+    """History of a block that slides at 100 m/s, pushed by a force that no ledger knows."""
+    scene = Scene.load("sliding-block", **{
+        "mesh.size": 0.005, "mesh.base_size": 0.006, "mesh.base": [0.06, 0.03, 0.01],
+        "bodies.block.velocity": [FAST, 0.0, 0.0], "time.end": 40e-6, "output.fields": False,
+        "guards.check_interval": 5})  # fmt: skip
+    return run(scene, folder, items=[lambda m: Push(m, "block", force)], quiet=True).history
+
+
+def test_guard_compares_with_the_work_of_the_contact(tmp_path):
+    """A twelfth of the work of friction made from nothing ends a run, a fortieth does not.
+
+    It is 0.3 % of the kinetic energy of 156 J by the end. Work of the contact: 0.3 × 4 kN × the
+    way, and the strain of the pressed bodies, 10 MPa.
+    """
+    fed = pushed(tmp_path / "some", HEAT * WEIGHT / 40)
+    assert fed["guarded_error"][-1] == pytest.approx(1 / 40, rel=0.02)
+    assert fed["contact_work"][-1] == pytest.approx(HEAT * WEIGHT * FAST * 40e-6, rel=0.02)
+    assert np.abs(fed["balance_error"]).max() < 2e-3
+    with pytest.raises(
+        GuardError, match=r"balance error [5-9]\.\d+% of the work of the contact"
+    ) as e:
+        pushed(tmp_path / "much", HEAT * WEIGHT / 12)
+    t = float(str(e.value).split("t = ")[1].split()[0])
+    ride = (
+        FLIGHT * 156.0
+    )  # before friction has done so much, a share of all energy is compared with
+    assert t < 2 * ride / (HEAT * WEIGHT * FAST)
+
+
+def test_without_contact_all_energy_is_compared_with(tmp_path):
+    """There is no other; and a ledger that has no error has none either way."""
+    h = history(bar(**DAMPING["both"]), tmp_path)
+    assert not h["contact_work"].any()
+    np.testing.assert_array_equal(h["guarded_error"], h["balance_error"])
+
+
+def test_bodies_that_have_not_touched_may_fly(tmp_path):
+    """Before the impact contact has done nothing, and round-off of the flight ends no run."""
+    scene = Scene.load("bar-impact", **{"output.fields": False, "time.end": 10e-6})
+    apart = scene.with_(**{"contacts.wall.target.origin": [-2e-6, 0.0, 0.0]})
+    h = run(apart, tmp_path / "run", quiet=True).history
+    early = h["wall_normal_force"] == 0
+    assert early.any() and (h["internal"][~early] > 0).any()
+    assert np.abs(h["guarded_error"]).max() < 1e-2

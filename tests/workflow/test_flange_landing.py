@@ -61,6 +61,7 @@ def test_landing_momentum_and_ranks(squealx, tmp_path):
     force, energy = one["wheel_rail_normal_force"].max(), one["internal"].max()
     ride = one["kinetic"].max()
     scales = {"kinetic": ride, "balance_error": ride / energy, "t": 45e-6}
+    scales |= {"guarded_error": ride / one["contact_work"].max()}
     scales |= {"wheel_rail_patches": 1.0, "wheel_rail_max_penetration": 1e-5}
     scales |= {"wheel_rail_area": one["wheel_rail_area"].max()}
     assert one.keys() == two.keys() and MPI.COMM_WORLD.size == 1

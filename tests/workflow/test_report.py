@@ -168,11 +168,12 @@ def test_checks_pass_here_and_fail_where_they_should(block, copied):
         for group in file["contact/face"].values():
             group["tangential_force"][:] *= 2
         file["history/balance_error"][2] = -0.2
+        file["history/guarded_error"][2] = -0.3
         file["history/face_max_penetration"][1] = 1.0
         file["history/friction_dissipation"][-1] = 0.0
     wrong = {c.name for c in checks(Record(copied), summary) if c.passed is False}
     told = "friction cone of face", "energy balance", "penetration of face, in cells"
-    assert wrong == {*told, "friction takes energy"}
+    assert wrong == {*told, "friction takes energy", "energy of the contact"}
     short = contents(Record(copied), [])["in_short"]
     assert "Failed" in short[-1] and all(name in short[-1] for name in wrong)
 

@@ -95,15 +95,20 @@ def test_measures_know_a_wrong_force(tmp_path):
     scene = scene_of(case, tmp_path)
 
     class Fake:
-        """A block that slows down as it should."""
+        """A block that slows down as it should; its landings take 2 mJ."""
 
         table = np.column_stack([np.linspace(0, 80e-6, 50), np.full(50, 3600.0),
-                                 np.full(50, 1080.0), np.full(50, 1e-6)])  # fmt: skip
+                                 np.full(50, 1080.0), np.full(50, 1e-6),
+                                 np.linspace(0, 2e-3, 50)])  # fmt: skip
         speeds = np.array([10.0, 0, 0]) - np.outer(table[:, 0], [0.3 * 10e6 / (7800 * 0.01), 0, 0])
 
-    found = measures(case, scene, Fake(), {"balance_error": np.zeros(5)})
+    history = {"guarded_error": np.full(5, -1e-3), "contact_work": np.linspace(0, 0.5, 5)}
+    found = measures(case, scene, Fake(), history)
     assert found["normal force"] == pytest.approx(0.1)
     assert found["change of speed"] == pytest.approx(0.0, abs=1e-9)
+    assert found["contact energy"] == pytest.approx(1e-3 + 2e-3 / 0.5)
+    damped = scene.with_(**{FACE + "damping": 0.1})  # whose loss is asked for
+    assert "contact energy" not in measures(case, damped, Fake(), history)
 
 
 def test_mesh_of_a_case_is_changed_as_told(tmp_path):
@@ -126,6 +131,7 @@ def test_axes_span_what_they_should():
 
     assert ends("penalty factor") == ("0.001", "10")
     assert ends("modulus-penalty factor") == ("0.1", "100")
+    assert ends("implicit-penalty factor") == ("0.1", "1000")
     assert ends("friction") == ("0", "1.5")
     assert ends("sliding speed [m/s]") == ("0", "300")
     assert ends("angle of attack [mrad]") == ("0", "60")

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from contact.options import IMPLICIT
 from forms.time_step import cell_frequency
 from workflow.audit.advice import advice, impact_depth
 from workflow.audit.limits import Limits, critical_penalty
@@ -89,10 +90,18 @@ def demand(model: Model, limits: Limits) -> dict[str, Any]:
 
 
 def contact_report(model: Model, limits: Limits, name: str) -> dict[str, Any]:
-    """Return stiffness and expected penetration of one contact."""
+    """Return stiffness and expected penetration of one contact.
+
+    ``limits_the_step`` is False where no penalty is too large: with springs at the end of the step
+    and with constraints.
+    """
     contact, pair = model.scene.contacts[name], model.pairs[name]
-    found: dict[str, Any] = {"method": contact.method, "penalty": contact.penalty}
-    passes = [t for t in limits.passes if t.name == name and len(t.springs.mass)]
+    found: dict[str, Any] = {
+        "method": contact.method,
+        "penalty": contact.penalty,
+        "limits_the_step": contact.method not in IMPLICIT,
+    }
+    passes = [t for t in limits.springs[name] if len(t.springs.mass)]
     if passes:
         t, dt = passes[0], model.dt
         follows, fixed = t.springs.mass / dt**2, t.springs.foundation
@@ -137,19 +146,14 @@ def printout(found: dict[str, Any]) -> Iterator[str]:
         f"asked of a stable step: {a['all']:.1%}; by bodies {a['bodies']:.1%}, by contacts "
         f"{a['contacts']:.1%}; stable up to {c['step'] * 1e9:.1f} ns"
     )
-    if found["contacts"]:
+    if any(one["limits_the_step"] for one in found["contacts"].values()):
         yield (
             f"largest stable penalties: {_times(c['penalty_factor'])} where the step follows them, "
             f"{_times(c['penalty_factor_at_this_step'])} at this step; largest contact damping "
             f"{c['contact_damping']:.2f} of critical"
         )
     for name, one in found["contacts"].items():
-        words = [f"{one['method']} {one['penalty']:g}"]
-        words += [f"as {k[11:].replace('_', '-')} {v:.3g}" for k, v in one.items() if "equiv" in k]
-        if one["penetration"] is not None:
-            share = one["penetration_over_cell"]
-            words.append(f"penetration {one['penetration'] * 1e6:.3g} µm, {share:.2%} of a cell")
-        yield f"contacts.{name}: {', '.join(words)}"
+        yield f"contacts.{name}: {', '.join(_contact_words(one))}"
     cost = found["cost"]
     yield (
         f"{cost['steps']} steps of {cost['seconds_per_step'] * 1e3:.3g} ms: "
@@ -157,6 +161,21 @@ def printout(found: dict[str, Any]) -> Iterator[str]:
         f"{cost['memory'] / 2**20:.0f} MB"
     )
     yield from (f"doubt: {line}" for line in found["doubts"])
+
+
+def _contact_words(one: dict[str, Any]) -> Iterator[str]:
+    """Yield what is said of a contact: its springs, whether they limit the step, its give."""
+    if one["method"] == "lagrange":
+        yield "lagrange, no give"
+    else:
+        yield f"{one['method']} {one['penalty']:g}"
+    yield from (f"as {k[11:].replace('_', '-')} {v:.3g}" for k, v in one.items() if "equiv" in k)
+    if not one["limits_the_step"]:
+        yield "stable at any penalty and takes nothing of the step"
+    if one["penetration"] is not None:
+        share = one["penetration_over_cell"]
+        give = "penetration" if one["limits_the_step"] else "give"
+        yield f"{give} {one['penetration'] * 1e6:.3g} µm, {share:.2%} of a cell"
 
 
 def _times(factor: float) -> str:

@@ -5,6 +5,7 @@ Central difference with damping lagged by half a step is stable while ``dt²/4 K
 The largest eigenvalue of the left side over M is the *demand* of the model on the 1 that there is.
 K and C are those of bodies, connections and contact together, with a spring at every node that
 can touch soon. The step of a run rests on bounds of the parts instead, which may add up to more.
+Springs at the end of the step, and constraints, ask for nothing: they are stable at any stiffness.
 """
 
 from collections.abc import Callable
@@ -20,6 +21,7 @@ import ufl
 from dolfinx import fem, la
 from scipy.optimize import brentq
 
+from contact.options import IMPLICIT
 from contact.springs import Springs, springs
 from forms.kernel import CellKernel
 from forms.springs.step_bound import NONE, as_springs, attached, joined
@@ -38,7 +40,7 @@ FACTORS = (1e-4, 1e4)  # within which a limit is looked for, over the present va
 
 @dataclass(frozen=True)
 class PassSprings:
-    """One pass of a contact of penalty springs.
+    """One pass of a contact with springs.
 
     Attributes:
         name: Contact of the scene.
@@ -46,6 +48,7 @@ class PassSprings:
         penalty, damping: Factor and share of critical damping of the pass [-].
         tangential: Tangential over normal stiffness, 0 without friction [-].
         fixed: Whether the springs do not follow the step, as those of ``modulus-penalty``.
+        implicit: Whether they act by the gap at the end of the step, and limit nothing.
     """
 
     name: str
@@ -54,6 +57,7 @@ class PassSprings:
     damping: float
     tangential: float
     fixed: bool
+    implicit: bool
 
     def stiffness(self, dt: float, penalty: float, damping: float) -> tuple[Array, Array]:
         """Return normal springs, dampers as springs in them, and tangential ones [N/m].
@@ -77,7 +81,8 @@ class Limits:
         model: The model, at rest for springs where its contact will be.
 
     Attributes:
-        passes: Passes of its contacts with springs.
+        springs: Passes of each contact that have springs, by its name.
+        passes: Those of them that limit the step.
     """
 
     def __init__(self, model: Model) -> None:
@@ -97,7 +102,8 @@ class Limits:
         if model.connections is not None:
             parts = model.connections.masses, model.connections.links
             self._attached = attached(model.connections.comm, *parts, model.mass.array)
-        self.passes = [t for name in model.pairs for t in _passes(model, name)]
+        self.springs = {name: _passes(model, name) for name in model.pairs}
+        self.passes = [t for some in self.springs.values() for t in some if not t.implicit]
         nodes = [t.springs.nodes.ravel() for t in self.passes]
         self._nodes = np.unique(np.concatenate([n[n >= 0] for n in nodes] or [np.zeros(0, int)]))
         self._local = model.domain.local_dofs(self._nodes)
@@ -207,17 +213,17 @@ class Limits:
 def _passes(model: Model, name: str) -> list[PassSprings]:
     """Return the passes of a contact that have springs."""
     contact = model.scene.contacts[name]
-    if contact.method in ("implicit-penalty", "lagrange"):
+    if contact.method == "lagrange":
         return []
     rough, fixed = contact.friction != 0.0, contact.method == "modulus-penalty"
+    implicit = contact.method in IMPLICIT
     ends = contact_surfaces(model.bodies, as_modulus(contact), model.mass.array[::3])
     passes = []
     for side, beds in zip(model.pairs[name].passes, (ends, ends[::-1]), strict=False):
         found = springs(side, model.state, beds)
         tangential = side.options.tangential * rough
-        passes.append(
-            PassSprings(name, found, side.options.penalty, side.options.damping, tangential, fixed)
-        )
+        o = side.options
+        passes.append(PassSprings(name, found, o.penalty, o.damping, tangential, fixed, implicit))
     return passes
 
 

@@ -64,7 +64,12 @@ def _energy(record: Record) -> Iterator[Check]:
     worst = float(np.max(np.abs(record.history["balance_error"])))
     limit = record.checked.guards.energy_error
     how = "largest error of the balance at any output, over the largest energy exchanged"
-    yield Check("energy balance", number(worst, 3), f"at most {number(limit)}", worst <= limit, how)
+    most = f"at most {number(limit)}"
+    yield Check("energy balance", number(worst, 3), most, worst <= limit, how)
+    if np.any(record.history.get("contact_work", 0.0)):
+        worst = float(np.max(np.abs(record.history["guarded_error"])))
+        how = "largest error of the balance at any output, over the work that contact has done"
+        yield Check("energy of the contact", number(worst, 3), most, worst <= limit, how)
 
 
 def _friction_work(record: Record) -> Iterator[Check]:

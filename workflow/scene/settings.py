@@ -218,7 +218,11 @@ class Time(Section):
 
 
 class Guards(Section):
-    """When a run is stopped; ``penetration`` is a share of the contactor's cell at the node."""
+    """When a run is stopped.
+
+    ``energy_error`` is a share of the work that contact has done, without contact of the energy
+    exchanged; ``penetration`` is a share of the contactor's cell at the node.
+    """
 
     energy_error: Factor = 0.05
     penetration: Factor = 0.5

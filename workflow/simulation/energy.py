@@ -11,6 +11,7 @@ from workflow.model import Model
 from workflow.results.energy import Energy, columns
 
 TERMS = tuple(term.name for term in fields(Energy) if term.name != "own")
+FLIGHT = 0.01  # of the exchanged energy, for bodies that fly and have not touched yet
 
 
 class Ledger:
@@ -23,13 +24,25 @@ class Ledger:
     Central difference closes this balance even while it blows up: the stored energy grows, and
     ``m v₋ · v₊ / 2`` as much below zero, because the velocity changes sign at every step. A kinetic
     energy that far below zero is therefore counted as the error.
+
+    A contact that goes wrong makes or takes a share of what passes through it, which is little
+    beside the motion of a fast body. The *work of the contact* is what friction, landings and
+    dampers of contacts have taken, and the most that contact springs and the strain of the bodies
+    have held: contact has pressed it into them, or made it out of their motion. It is the same in
+    every moving frame. The *guarded error* is the imbalance over that work, without contact over
+    the reference energy.
+
+    Attributes:
+        contact_work: Work of the contact so far, 0 without contact [J].
+        guarded_error: What :mod:`workflow.simulation.guards` compares with its limit [-].
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.ride = 0.0
         self.start: Energy | None = None
-        self.reference = 0.0
+        self.reference = self.held = 0.0
+        self.contact_work = self.guarded_error = 0.0
 
     def measure(self) -> tuple[Energy, float]:
         """Return the energies now and the relative balance error."""
@@ -41,11 +54,22 @@ class Ledger:
         error = energy.total - self.start.total
         if blown_up(energy, self.start):
             error = energy.kinetic
-        return energy, error / self.reference if self.reference > 0 else 0.0
+        self.guarded_error = over(error, self._guarded(energy))
+        return energy, over(error, self.reference)
+
+    def _guarded(self, energy: Energy) -> float:
+        """Take in the work of the contact; return what the guarded error is measured against."""
+        pairs = self.model.pairs.values()
+        if not pairs:
+            return self.reference
+        self.held = max(self.held, energy.internal + energy.hourglass + energy.contact)
+        landings = sum(abs(pair.damping_dissipation) for pair in pairs)
+        self.contact_work = self.held + energy.friction_dissipation + landings
+        return max(self.contact_work, FLIGHT * self.reference)
 
     def memory(self) -> dict[str, Array]:
-        """Return the energies at the start and the reference energy, for a checkpoint."""
-        arrays = {"scalars": np.array([self.ride, self.reference])}
+        """Return the energies at the start and the largest ones so far, for a checkpoint."""
+        arrays = {"scalars": np.array([self.ride, self.reference, self.held])}
         if self.start is not None:
             start = columns(self.start, 0.0)
             arrays |= {f"start/{name}": np.array(e) for name, e in start.items()}
@@ -53,7 +77,7 @@ class Ledger:
 
     def restore(self, memory: Mapping[str, Array]) -> None:
         """Go on from what :meth:`memory` returned."""
-        self.ride, self.reference = map(float, memory["scalars"])
+        self.ride, self.reference, self.held = map(float, memory["scalars"])
         start = {k[6:]: float(e) for k, e in memory.items() if k.startswith("start/")}
         start.pop("balance_error", None)
         self.start = named(start) if start else None
@@ -75,6 +99,11 @@ def named(terms: Mapping[str, float]) -> Energy:
     """Return energies given by name; names that the ledger does not know are a user's own."""
     known = {name: terms[name] for name in TERMS}
     return Energy(**known, own={n: e for n, e in terms.items() if n not in known})
+
+
+def over(error: float, reference: float) -> float:
+    """Return an error as a share, 0 while there is nothing to compare it with [-]."""
+    return error / reference if reference > 0 else 0.0
 
 
 def exchanged(energy: Energy, ride: float) -> float:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from contact.one_pass import Pass
     from contact.pair import ContactPair
     from workflow.model.model import Model
+    from workflow.simulation.energy import Ledger
 
 
 class GuardError(RuntimeError):
@@ -53,16 +54,20 @@ class Watch:
         }
         self.seen: dict[str, str] = {}
 
-    def check(self, error: float) -> None:
+    def check(self, ledger: "Ledger") -> None:
         """Raise on every rank if the energy or a contact is beyond what the scene allows.
 
         Args:
-            error: Balance error of the ledger [-].
+            ledger: The ledger as it was measured last.
 
         Raises:
             GuardError: telling time, place, likely cause and remedy.
         """
-        check_energy(self.model, error)
+        check_energy(self.model, ledger)
+        self.check_contacts()
+
+    def check_contacts(self) -> None:
+        """Raise if a contact is too deep, or lost where it is to be kept."""
         for name, pair in self.model.pairs.items():
             for side, sizes in zip(pair.passes, self.sizes[name], strict=True):
                 self._depth(name, side, sizes)
@@ -128,13 +133,16 @@ def where(side: "Pass", node: int) -> str:
     return f"node {side.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 
-def check_energy(model: "Model", error: float) -> None:
-    """Raise if the balance error of the ledger is over the scene's share."""
-    limit = model.scene.guards.energy_error
+def check_energy(model: "Model", ledger: "Ledger") -> None:
+    """Raise if the guarded error of the ledger is over the scene's share."""
+    error, limit = ledger.guarded_error, model.scene.guards.energy_error
     if not abs(error) <= limit:
+        work = ledger.contact_work
+        told = f" of the work of the contact, {work:.3g} J," if work else ""
+        remedy = " or penalty" if work else ""
         raise GuardError(
-            f"energy balance error {error:.2%} at step {model.state.step}, "
+            f"energy balance error {error:.2%}{told} at step {model.state.step}, "
             f"t = {model.state.t:.6e} s is over guards.energy_error = {limit:.2%}; "
             f"likely an unstable step: dt = {model.dt:.3e} s, bound {model.dt_bound:.3e} s; "
-            "try a smaller time.safety or penalty"
+            f"try a smaller time.safety{remedy}"
         )

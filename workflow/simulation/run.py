@@ -198,14 +198,15 @@ def steps(
         if state.step % per_output == 0:
             with job.clock.phase("output"):
                 energy, error = job.ledger.measure()
-                history = output(model, job.results, energy, error)
+                history = output(model, job.results, energy, error, job.ledger)
                 if job.sampling is not None:
                     job.sampling.append(job.results)
             progress.output(model, history)
-            watched.check(error)
+            watched.check(job.ledger)
             yield energy, error
         elif state.step % scene.guards.check_interval == 0:
-            watched.check(job.ledger.measure()[1])
+            job.ledger.measure()
+            watched.check(job.ledger)
         if told := job.keeper.step():
             progress.log(told)
         progress.step(state.step)

@@ -12,14 +12,17 @@ import numpy as np
 from workflow.model.model import Model
 from workflow.results.patches import creepages
 from workflow.results.writer import Results
-from workflow.simulation.energy import Energy, columns
+from workflow.simulation.energy import Energy, Ledger, columns
 from workflow.simulation.progress import Clock
 
 
-def output(model: Model, results: Results, energy: Energy, error: float) -> dict[str, float]:
+def output(
+    model: Model, results: Results, energy: Energy, error: float, ledger: Ledger
+) -> dict[str, float]:
     """Write one output: history, footprints, fields; return the row of history."""
     state, scene = model.state, model.scene
     history = {"t": state.t, **columns(energy, error)}
+    history |= {"guarded_error": ledger.guarded_error, "contact_work": ledger.contact_work}
     u, v = state.u.x.array, state.v.x.array + model.dt / 2 * state.a.array
     footprints, motions = {}, {}
     for name, pair in model.pairs.items():

@@ -131,6 +131,12 @@ def _contact_axes() -> Iterator[Case]:
         lambda p: {face + "method": "modulus-penalty", face + "penalty": p},
     )
     yield from _axis(
+        "implicit-penalty factor",
+        "slide",
+        (0.1, 0.4, 1, 4, 10, 30, 100, 1000),
+        lambda p: implicit(p, "face"),
+    )
+    yield from _axis(
         "step factor",
         "slide",
         (0.1, 0.3, 0.6, 0.9, 1, 1.02, 1.05, 1.1),
@@ -153,11 +159,17 @@ def _contact_axes() -> Iterator[Case]:
             "one pass": {},
             "two-pass": {face + "two_pass": True},
             "smooth": {face + "smooth": True},
-            "implicit 10": {face + "method": "implicit-penalty", face + "penalty": 10.0},
+            "implicit 10": implicit(10, "face"),
             "Lagrange": {face + "method": "lagrange"},
         },
         lambda keys: keys,
     )
+
+
+def implicit(penalty: float, contact: str) -> dict[str, Any]:
+    """Return the keys of springs at the end of the step, of so many m/dt²."""
+    prefix = f"contacts.{contact}."
+    return {prefix + "method": "implicit-penalty", prefix + "penalty": float(penalty)}
 
 
 def sliding(speed: float) -> dict[str, Any]:
@@ -188,6 +200,14 @@ def _body_axes() -> Iterator[Case]:
     yield from _axis("stiffness ratio", "slide", (1, 10, 100, 1e3, 1e4, 1e5, 1e6), softer)
     one = {"1": 1, "10": 10, "100": 100, "1 k": 1e3, "10 k": 1e4, "50 k": 5e4, "500 k": 5e5}
     yield from _axis("load on a sphere [N]", "load", one, pressed)
+    pressed_by: dict[str, tuple[str, dict[str, Any]]] = {
+        "line": ("press", {}),
+        "sphere, 10 kN": ("load", pressed(1e4)),
+        "roller": ("roll", {}),
+        "wheel, 20 mrad": ("drift", drifting(20)),
+    }
+    for label, (base, keys) in pressed_by.items():
+        yield Case("implicit 30, contact of", label, "", base, {**keys, **implicit(30, "touch")})
     yield from _axis("angle of attack [mrad]", "drift", (0, 5, 10, 20, 40, 60), drifting)
     yield from _axis("rotation, rolling [rad/s]", "roll", (10, 50, 174, 500, 1000), rolling)
 
@@ -267,14 +287,25 @@ def _pairs() -> Iterator[Case]:
         for v in (0, 1, 10, 100, 300):
             keys = {face + "friction": f, **sliding(v)}
             yield Case("friction × sliding speed [m/s]", f"{v:g}", f"{f:g}", "slide", keys)
+    methods: dict[str, dict[str, Any]] = {
+        "penalty 0.4": {},
+        "penalty 2": {face + "penalty": 2.0},
+        **{f"implicit {p}": implicit(p, "face") for p in (1, 10, 100)},
+        "Lagrange": {face + "method": "lagrange"},
+    }
+    for method, own in methods.items():
+        for f in (0.0, 0.1, 0.3, 0.6, 1.0):
+            yield Case(
+                "method × friction", f"{f:g}", method, "slide", {**own, face + "friction": f}
+            )
     for z in (0.0, 0.3, 0.5, 1.0, 2.0):
         for s in (0.1, 0.5, 0.9, 1.0, 1.1):
             keys = {face + "damping": z, "time.safety": s}
             yield Case("contact damping × step factor", f"{s:g}", f"{z:g}", "slide", keys)
     for element in ("full", "one-point", "selective"):
         for nu in (0.0, 0.3, 0.45, 0.49, 0.499, 0.4999):
-            own: dict[str, Any] = {"element": element, "material": material(nu=nu)}
-            keys = {f"bodies.{b}.{k}": v for b in ("cylinder", "flat") for k, v in own.items()}
+            law: dict[str, Any] = {"element": element, "material": material(nu=nu)}
+            keys = {f"bodies.{b}.{k}": v for b in ("cylinder", "flat") for k, v in law.items()}
             yield Case("element × Poisson ratio", f"{nu:g}", element, "press", keys)
     for precision in ("float64", "float32"):
         for spin in (10.0, 100.0, 300.0, 1000.0):

@@ -17,6 +17,7 @@ Rows = Sequence[dict[str, Any]]
 
 COLOUR = {
     "accurate": "#8fd0c4",
+    "model": "#a9c4ec",
     "wrong": "#f7cf7f",
     "refused": "#d5d5d5",
     "caught": "#d98ca4",
@@ -24,6 +25,7 @@ COLOUR = {
 }
 WORDS = {
     "accurate": "stable and accurate",
+    "model": "the model itself is unstable",
     "wrong": "stable but wrong",
     "refused": "refused",
     "caught": "stopped by a guard",
@@ -38,6 +40,7 @@ LETTER = {
     "pressure": "p",
     "elongation": "l",
     "energy": "e",
+    "contact energy": "c",
 }
 MARKS = {"step": ("o", "#0072b2"), "penalty": ("s", "#d55e00"), "damping": ("D", "#7a5195")}
 
@@ -153,12 +156,13 @@ def _legend(axes: "Axes") -> None:
     axes.legend(handles=handles, loc="upper left", fontsize=6, borderaxespad=0)
     axes.text(
         0.0,
-        0.36,
+        0.3,
         "number: the worst measure in %\n"
         "N normal force, v change of speed, T tangential force,\n"
         "p largest pressure, l elongation, against closed forms;\n"
         "r ripple of the normal force, rms;\n"
-        "d penetration over the cell; e energy balance;\n† step at which a guard stopped it",
+        "d penetration over the cell; over the work of the contact: e energy balance,\n"
+        "c energy given or taken by the contact; † step at which a guard stopped it",
         transform=axes.transAxes,
         va="top",
         fontsize=5.5,
