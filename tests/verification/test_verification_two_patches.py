@@ -12,6 +12,7 @@ from contact.theory.wheel_on_rail import gap, profile_contact
 from meshes.profiles.placement import RADIUS, lateral_shift_for, rail_in_track
 from meshes.profiles.profiles import s1002
 from meshes.profiles.surfaces import rail_surface, wheel_surface
+from workflow import Scene, run
 
 YAW = 0.02
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)
@@ -50,3 +51,17 @@ def test_half_spaces_against_tamaas(place, load):
     assert other.sum() * dx * dy == pytest.approx(load, rel=1e-6)
     assert np.abs(own.pressure - other).max() < 2e-3 * other.max()
     assert own.area == pytest.approx(float((other > 0).sum()) * dx * dy, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("strip", "area", "peak"),
+    [(5e-4, 0.15, 0.15), pytest.param(2e-4, 0.05, 0.10, marks=pytest.mark.long)],
+)
+def test_row_25_two_patches_at_rest(tmp_path, strip, area, peak):
+    """Area and peak pressure of both patches, 50 kN each, against half-spaces, by cells across."""
+    scene = Scene.load("two-patches", **{"mesh.strip.size": strip})
+    found = {a["quantity"]: a for a in run(scene, tmp_path / "run", quiet=True).summary["expected"]}
+    for place in (1, 2):
+        assert abs(found[f"patch {place} at rest: area"]["error"]) < area
+        assert abs(found[f"patch {place} at rest: peak pressure"]["error"]) < peak

@@ -208,7 +208,15 @@ def test_transition_has_all_figures(transition):
     """Model, placement, footprints, section, patches and energy, none of them blank."""
     paths = gallery.draw(transition)
     names = ["model", "placement", "footprints", "cross_section", "contact_nodes", "at_rest"]
-    names += ["patch_forces", "patch_means", "adhesion", "centre_line", "shear_vectors", "energy"]
+    names += [
+        "half_spaces",
+        "patch_forces",
+        "patch_means",
+        "adhesion",
+        "centre_line",
+        "shear_vectors",
+        "energy",
+    ]
     assert [p.name for p in paths] == [*(f"{n}.png" for n in names), "transition.gif"]
     assert all(p.parent == transition / "figures" and not_blank(p) for p in paths[:-1])
     frames = ImageSequence.Iterator(Image.open(paths[-1]))

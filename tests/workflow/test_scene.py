@@ -209,3 +209,34 @@ def test_scenes_know_the_regions_and_surfaces_of_their_mesh(name):
 def test_units_are_found_at_any_depth(key, unit):
     """The unit of a field through tables, lists and unions."""
     assert unit_of(Scene, key.split(".")) == unit
+
+
+def test_a_scene_starts_from_another(tmp_path):
+    """Its own keys stand over those of the base, built-in or beside it, tables merged."""
+    (tmp_path / "long.toml").write_text('base = "bar-wave"\nname = "long"\nmesh.length = 0.2\n')
+    (tmp_path / "thin.toml").write_text('base = "long.toml"\nmesh.width = 4e-3\n')
+    scene, wave = Scene.load(tmp_path / "thin.toml"), Scene.load("bar-wave")
+    assert scene == wave.with_(**{"name": "long", "mesh.length": 0.2, "mesh.width": 4e-3})
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        ('"nowhere"', "here.toml: base: scene '.*nowhere': expected a TOML file or one of"),
+        ("3", r"here.toml: base = 3: expected the name of a scene or a TOML file"),
+        ('"here.toml"', r"expected a scene that does not start from it"),
+    ],
+)
+def test_a_base_that_is_none_is_refused(tmp_path, base, message):
+    path = tmp_path / "here.toml"
+    path.write_text(f"base = {base}\n")
+    with pytest.raises(SceneError, match=message):
+        Scene.load(path)
+
+
+def test_the_resolved_scene_is_the_main_scene_but_for_its_mesh():
+    main, fine = Scene.load("flange-transition"), Scene.load("flange-resolved")
+    told = {key: getattr(fine, key) for key in ("name", "title", "about", "mass_scaling")}
+    assert fine.mesh.strip.size < main.mesh.strip.size
+    assert fine == main.model_copy(update={**told, "mesh": fine.mesh})
+    assert fine.mesh.model_copy(update={"strip": main.mesh.strip}) == main.mesh

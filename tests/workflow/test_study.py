@@ -18,6 +18,7 @@ from workflow.results.record import Record
 from workflow.scene.scene import SceneError
 from workflow.study import folder, jobs, study
 from workflow.study.figures import COMPARISONS
+from workflow.study.table import worst_of_patches
 
 pytest.importorskip("snakemake")
 
@@ -318,3 +319,17 @@ def test_what_snakemake_cannot_do_is_refused(written, tmp_path, monkeypatch):
     monkeypatch.setattr(jobs, "find_spec", lambda name: None)
     with pytest.raises(SceneError, match=r"pip install 'squealx\[study\]'"):
         jobs.check(runs, None, tmp_path)
+
+
+def test_error_of_a_wheel_is_that_of_its_worst_patch():
+    """Areas and peaks, while it rolls rather than at rest; the first answer if none is there."""
+
+    def answer(quantity, error):
+        return {"quantity": quantity, "error": error}
+
+    weight, rest = answer("vertical force at rest", 1e-3), answer("patch 1 at rest: area", -0.3)
+    assert worst_of_patches([weight]) is weight
+    assert worst_of_patches([weight, rest, answer("patch 2 at rest: half axis along", 1.0)]) is rest
+    area = answer("patch 1 rolling, mean of 6 outputs: area", 0.05)
+    peak = answer("patch 2 rolling, mean of 6 outputs: peak pressure", -0.1)
+    assert worst_of_patches([weight, rest, area, peak]) is peak

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from workflow.model.model import Model
 
 AROUND = (3.0, 8.0)  # nodes that show how a body stands: distance in radii of the patch
+FEWEST = 6  # nodes that show it
 WHEELSET = ("tread", "axle_inner", "axle_outer", "journal", "wheelset_skin")
 SIDES = {"tread", "railhead"}
 FEW = 6  # outputs of a run that are compared with half-spaces for its summary
@@ -153,7 +154,9 @@ def on_half_spaces(record: Record, output: int) -> list[OnHalfSpaces]:
         record: Of a run with fields; of one without there are no patches.
         output: Number of the output.
     """
-    if not record.wheel_on_rail or record.body is None or not record.contacts:
+    if not isinstance(record.checked.mesh, WheelRailMesh) or not record.contacts:
+        return []
+    if record.body is None:
         return []
     scene, (name, contact) = record.checked, next(iter(record.contacts.items()))
     t, points = float(contact.t[output]), record.body.points
@@ -161,7 +164,8 @@ def on_half_spaces(record: Record, output: int) -> list[OnHalfSpaces]:
     cells, regions = record.body.cells, record.body.regions
     tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
     nodes = (points[tyre], u[tyre]), (points[head], u[head])
-    deepest = history[f"{name}_max_penetration"][np.argmin(np.abs(history["t"] - t))]
+    depths = history.get(f"{name}_max_penetration", np.zeros_like(history["t"]))
+    deepest = depths[np.argmin(np.abs(history["t"] - t))]
     found: list[OnHalfSpaces | None] = []
     for place, patch in contact.patches[output].items():
         with suppress(RuntimeError):  # said in the log at the start of the run
@@ -263,6 +267,9 @@ def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Su
         points: Nodes of the body, undeformed, shape ``(n, 3)`` [m].
         u: Their displacement, shape ``(n, 3)`` [m].
         patch: Where the bodies touch.
+
+    Raises:
+        RuntimeError: if there are too few nodes around it.
     """
     near, far = np.array(AROUND) * np.sqrt(patch.area / np.pi)
     now = points + u
@@ -270,6 +277,11 @@ def standing(surface: Surface, points: Array, u: Array, patch: PatchNodes) -> Su
     around = np.flatnonzero((distance > near) & (distance < far))
     depth, gradient = surface.depth(points[around])
     around = around[np.abs(depth) < ON * np.linalg.norm(gradient, axis=1)]
+    if len(around) < FEWEST:
+        raise RuntimeError(
+            f"half-space contact: expected {FEWEST} nodes of the surface or more {near:.3f} to "
+            f"{far:.3f} m around the patch, got {len(around)}"
+        )
     before, after = points[around].mean(axis=0), now[around].mean(axis=0)
     turn, _ = Rotation.align_vectors(now[around] - after, points[around] - before)
     return surface.moved(after - before, turn.as_rotvec(), before)
