@@ -242,7 +242,7 @@ def narrow_arcs(
         ValueError: as :func:`lateral_shift_for`.
     """
     wheel, rail = wheel or s1002(), rail or rail_in_track()
-    turn = {"radius": radius, "yaw": yaw, "roll": roll, "tape": tape}
+    turn: dict[str, Any] = {"radius": radius, "yaw": yaw, "roll": roll, "tape": tape}
     pressed = lateral_shift_for(wheel, rail, flange_gap=-PRESSED, **turn)
     arcs = [_overlapping(wheel, rail, pressed, turn)]
     for shift in pressed.shift - np.linspace(0.0, WAY, 12):
