@@ -178,7 +178,7 @@ def half_spaces(record: Record) -> "Figure | None":
 
     contact = next(iter(record.contacts.values()))
     outputs = spread([k for k, patches in enumerate(contact.patches) if patches], OUTPUTS)
-    seen = [(contact.t[k], patch) for k in outputs for patch in on_half_spaces(record, k)]
+    seen = [(t, patch) for t, patches in on_half_spaces(record, outputs) for patch in patches]
     if not seen:
         return None
     fig = style.figure(style.PAGE, 2.8)

@@ -8,9 +8,10 @@ which moves the contact by millimetres. Friction does not change the pressure be
 same material, so the same holds while they roll and slide.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +54,8 @@ class OnHalfSpaces:
         sides: Length along and across of the part of the surface that each node stands for, shape
             ``(n, 2)`` [m].
         expected: Both expectations under the same force.
-        softened: The same with a layer between the half-spaces that gives way as the penalty does.
+        wheel, rail: Running surfaces as they stand.
+        modulus: Contact modulus E* [Pa].
         overlap: Of the nodes, the largest [m].
     """
 
@@ -61,8 +63,16 @@ class OnHalfSpaces:
     patch: PatchNodes
     sides: Array
     expected: WheelOnRail
-    softened: WheelOnRail
+    wheel: Surface
+    rail: Surface
+    modulus: float
     overlap: float
+
+    @cached_property
+    def softened(self) -> WheelOnRail:
+        """The expectations with a layer between that gives way as the penalty does."""
+        load, layer = self.patch.normal_force, self.overlap / float(self.pressure.max())
+        return with_layer(self.expected, self.wheel, self.rail, load, self.modulus, layer)
 
     @property
     def at(self) -> Array:
@@ -98,12 +108,10 @@ class OnHalfSpaces:
         Half axes and area are those of the ellipse of the same second moments, ``a**2 / 5`` for
         Hertz; the areas that nodes stand for reach half a cell too far on every side.
         """
-        e = self.expected
+        e, p = self.expected, self.expected.half_space.pressure
         axes = half_axes(self.at, self.patch.normal_forces)
         rows = {"nodes": (float(self.pressure.max()), *axes)}
-        for name, there in (("half-space", e), ("half-space with layer", self.softened)):
-            p = there.half_space.pressure
-            rows[name] = (float(p.max()), *half_axes(there.grid, p.ravel()))
+        rows["half-space"] = (float(p.max()), *half_axes(e.grid, p.ravel()))
         if e.hertz:
             rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b)
         return {name: (p0, a, b, float(np.pi * a * b)) for name, (p0, a, b) in rows.items()}
@@ -142,35 +150,37 @@ def at_rest(record: Record) -> list[OnHalfSpaces]:
     """Return the patches at rest of a run by place; none if no wheel rests on a rail there."""
     if not record.wheel_on_rail or record.checked.equilibrium is None:
         return []
-    return on_half_spaces(record, 0)
+    return [patch for _, patches in on_half_spaces(record, [0]) for patch in patches]
 
 
-def on_half_spaces(record: Record, output: int) -> list[OnHalfSpaces]:
-    """Return the patches of a wheel on a rail at an output of a run by place.
+def on_half_spaces(
+    record: Record, outputs: Iterable[int]
+) -> Iterator[tuple[float, list[OnHalfSpaces]]]:
+    """Yield the time of an output and the patches of a wheel on a rail there, by place.
 
-    Left out are patches too large for half-spaces: a flange that lies in the gauge corner.
+    Left out are patches too large for half-spaces: a flange that lies in the gauge corner. Of a run
+    without fields, nothing.
 
     Args:
-        record: Of a run with fields; of one without there are no patches.
-        output: Number of the output.
+        record: The run.
+        outputs: Numbers of its outputs.
     """
-    if not isinstance(record.checked.mesh, WheelRailMesh) or not record.contacts:
-        return []
-    if record.body is None:
-        return []
-    scene, (name, contact) = record.checked, next(iter(record.contacts.items()))
-    t, points = float(contact.t[output]), record.body.points
-    u, history = record.displacement(t), record.history
-    cells, regions = record.body.cells, record.body.regions
-    tyre, head = (np.unique(cells[regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
-    nodes = (points[tyre], u[tyre]), (points[head], u[head])
+    scene, body = record.checked, record.body
+    if not isinstance(scene.mesh, WheelRailMesh) or not record.contacts or body is None:
+        return
+    name, contact = next(iter(record.contacts.items()))
+    drawn, history = surfaces(scene, placement_of(scene)), record.history
     depths = history.get(f"{name}_max_penetration", np.zeros_like(history["t"]))
-    deepest = depths[np.argmin(np.abs(history["t"] - t))]
-    found: list[OnHalfSpaces | None] = []
-    for place, patch in contact.patches[output].items():
-        with suppress(RuntimeError):  # said in the log at the start of the run
-            found.append(compared(scene, placement_of(scene), place, patch, *nodes, float(deepest)))
-    return [patch for patch in found if patch]
+    tyre, head = (np.unique(body.cells[body.regions == r]) for r in (Tag.TYRE, Tag.RAIL_HEAD))
+    for output in outputs:
+        t = float(contact.t[output])
+        u, deepest = record.displacement(t), float(depths[np.argmin(np.abs(history["t"] - t))])
+        nodes = (body.points[tyre], u[tyre]), (body.points[head], u[head])
+        found: list[OnHalfSpaces | None] = []
+        for place, patch in contact.patches[output].items():
+            with suppress(RuntimeError):  # said in the log at the start of the run
+                found.append(compared(scene, drawn, place, patch, *nodes, deepest))
+        yield t, [patch for patch in found if patch]
 
 
 def tell(model: "Model", log: Callable[[str], Any]) -> None:
@@ -193,10 +203,11 @@ def tell(model: "Model", log: Callable[[str], Any]) -> None:
             for surface, now in zip((pair.contactor, pair.target), pair.surfaces(u, v), strict=True)
         ]
         tyre, head = moved[:: 1 if sides[0] == "tread" else -1]
+        drawn = surfaces(scene, model.placement)
         for place, patch in patches_of(vars(footprint)).items():
             overlap = pair.max_penetration
             try:
-                rest = compared(scene, model.placement, place, patch, tyre, head, overlap)
+                rest = compared(scene, drawn, place, patch, tyre, head, overlap)
             except RuntimeError as error:  # the run does not hang on it
                 log(f"at rest, patch {place}: {error}")
                 continue
@@ -206,7 +217,7 @@ def tell(model: "Model", log: Callable[[str], Any]) -> None:
 
 def compared(
     scene: Scene,
-    at: Placement,
+    drawn: tuple[Surface, Surface],
     place: int,
     patch: PatchNodes,
     tyre: tuple[Array, Array],
@@ -217,7 +228,7 @@ def compared(
 
     Args:
         scene: The scene.
-        at: Where the wheel stood before any load.
+        drawn: Running surfaces of wheel and rail before any load.
         place: Of the patch: 1 or 2.
         patch: Its nodes.
         tyre: Undeformed positions and displacements of nodes of the tyre, ``(n, 3)`` each [m].
@@ -230,17 +241,14 @@ def compared(
     modulus = modulus_of(scene)
     if modulus is None:
         return None
-    drawn = surfaces(scene, at)
     wheel, rail = (standing(s, *nodes, patch) for s, nodes in zip(drawn, (tyre, head), strict=True))
-    load = patch.normal_force
     touching = [c.contactor for c in scene.contacts.values() if {c.contactor, c.target} == SIDES]
     points, u = tyre if touching == ["tread"] else head
     sides = sides_of(patch, points + u)
     # somewhat farther than the nodes reach, not as far as the other patch
     reach = np.minimum(SEEK, 1.4 * (np.abs(patch.local) + sides).max(axis=0))
-    hard = profile_contact(wheel, rail, patch.centre, load, modulus, tuple(reach))
-    soft = with_layer(hard, wheel, rail, load, modulus, overlap / float(patch.pressure.max()))
-    return OnHalfSpaces(place, patch, sides, hard, soft, overlap)
+    expected = profile_contact(wheel, rail, patch.centre, patch.normal_force, modulus, tuple(reach))
+    return OnHalfSpaces(place, patch, sides, expected, wheel, rail, modulus, overlap)
 
 
 def sides_of(patch: PatchNodes, nodes: Array) -> Array:
@@ -354,7 +362,7 @@ def wheel_rolling(record: Record) -> Iterator[Expected]:
     touching = [k for k, patches in enumerate(contact.patches) if k and patches]
     two = [k for k in touching if contact.two_points[k]]
     outputs = spread(two or touching, FEW)
-    seen = [patch for k in outputs for patch in on_half_spaces(record, k)]
+    seen = [patch for _, patches in on_half_spaces(record, outputs) for patch in patches]
     for place in (1, 2):
         patches = [patch for patch in seen if patch.place == place]
         if patches:
