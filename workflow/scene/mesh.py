@@ -110,10 +110,11 @@ class Sleepers(Section):
 
 
 class StripMesh(Section):
-    """Narrow cells across the profiles of wheel and rail, where the flange touches the corner.
+    """Narrow cells across the profiles of wheel and rail, where patches are narrow.
 
     ``size`` is their width along the profile. ``wheel`` and ``rail`` are the arc lengths between
-    which they lie; left out, where both bodies overlap when the flange is pressed into the corner.
+    which they lie; left out, from the flange pressed into the gauge corner to the shoulder where
+    the tread touches as it comes there.
     """
 
     size: Length
