@@ -29,6 +29,7 @@ class Candidates:
     """Candidates of a pass, kept so that no node can touch the target before it is one.
 
     Attributes:
+        stack: Numbers of the nodes.
         search, exchange: What finds the candidates, and what brings their positions.
         found: Result of the last search.
         margin: Distance within which a node is a candidate [m].
@@ -43,16 +44,13 @@ class Candidates:
         reach: float | None,
         name: str,
         smooth_below: float | None = None,
+        points_below: float | None = None,
     ) -> None:
         """Prepare the search; arguments as for :class:`contact.pair.ContactPair`."""
         self.name = name
-        self.nodes = np.concatenate([contactor.nodes, target.nodes])
-        self.search = Search(contactor, target, smooth_below)
-        self.exchange = Exchange(
-            np.vstack([contactor.reference, target.reference]),
-            np.concatenate([contactor.dofs, target.dofs]),
-            comm,
-        )
+        self.search = Search(contactor, target, smooth_below, points_below)
+        self.stack = stack = self.search.stack
+        self.exchange = Exchange(stack, comm, self.search.points)
         fine = target if contactor.rigid else contactor
         cell = typical_edge(fine)
         self.reach = 0.5 * cell if reach is None else float(reach)
@@ -80,7 +78,7 @@ class Candidates:
         due = self._steps_left < 0 or not 2.0 * self.exchange.update(u, v) < self.margin
         way = 0.0
         if self._searched and (due or self._watch_left <= 0):
-            way = self.exchange.wandered(u, v, self.search.nc)
+            way = self.exchange.wandered(u, v)
             gain, self._way, self._watch_left = way - self._way, way, _WATCH
             due = due or not way + 2.0 * gain < self.margin
         if due:
@@ -99,7 +97,7 @@ class Candidates:
         depth, c = self._deepest(way)
         if depth > 0.0 and c not in self.item:
             raise RuntimeError(
-                f"contact pair {self.name}: node {self.nodes[c]} was not watched and is "
+                f"contact pair {self.name}: node {self.stack.node[c]} was not watched and is "
                 f"{depth:.3e} m deep; nodes have come closer by {way:.3e} m since the last "
                 f"search, the margin is {self.margin:.3e} m"
             )
@@ -116,6 +114,11 @@ class Candidates:
 
     def track(self, xv: Any, state: ContactState) -> None:
         """Follow the closest points at the positions in the view ``xv``."""
+        self.search.bend(self.found, xv)
+        self.follow(xv, state)
+
+    def follow(self, xv: Any, state: ContactState) -> None:
+        """Do so on a smooth target as curved as it was last."""
         self.search.track(self.found, xv, state)
 
     def probe(self, above: float, below: float) -> tuple[Found, ContactState]:
@@ -131,6 +134,7 @@ class Candidates:
         state = ContactState(self.search.nc)
         found = self.search.candidates(self.exchange.xv, above, below, state)
         state.facet[found.item], state.xi[found.item] = found.facet, found.xi
+        self.search.bend(found, self.exchange.c_xv)
         self.search.track(found, self.exchange.c_xv, state)
         return found, state
 
@@ -156,7 +160,9 @@ class Candidates:
         if not np.isfinite(xv).all():
             bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
             where = f"{xv[bad, :3]} m, {xv[bad, 3:]} m/s"
-            raise RuntimeError(f"contact pair {self.name}: node {self.nodes[bad]} is at {where}")
+            raise RuntimeError(
+                f"contact pair {self.name}: node {self.stack.node[bad]} is at {where}"
+            )
         found = self.search.candidates(xv, self.margin, below, state)
         state.facet[found.item], state.xi[found.item] = found.facet, found.xi
         held = state.stiffness > 0.0
@@ -165,8 +171,8 @@ class Candidates:
         deep = gone[state.gap[gone] < -0.5 * self.margin]
         if deep.size:
             raise RuntimeError(
-                f"contact pair {self.name}: node {self.nodes[deep[0]]} went through the target "
-                f"(gap {state.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
+                f"contact pair {self.name}: node {self.stack.node[deep[0]]} went through the "
+                f"target (gap {state.gap[deep[0]]:.3e} m, reach {self.reach:.3e} m)"
             )
         state.release(gone)
         self._choose(found)
@@ -176,9 +182,9 @@ class Candidates:
 
     def _safe_steps(self, dt: float) -> int:
         """Return how many steps no node outside the margin can arrive in."""
-        v, nc = self.exchange.xv[:, 3:], self.search.nc
-        speed = np.linalg.norm(v - v[nc:].mean(axis=0), axis=1)
-        fastest = float(speed[:nc].max() + speed[nc:].max())
+        v, nc, target = self.exchange.xv[:, 3:], self.search.nc, self.stack.target
+        speed = np.linalg.norm(v - v[target].mean(axis=0), axis=1)
+        fastest = float(speed[:nc].max() + speed[target].max())
         steps = self.margin / max(_SPEED_RESERVE * fastest * dt, 1e-300)
         return max(1, int(min(steps, _LONGEST_INTERVAL)))
 

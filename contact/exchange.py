@@ -12,6 +12,7 @@ import numpy as np
 
 from contact._kernel import lib
 from contact.arrays import Index32, view
+from contact.stack import Stack
 from meshes.arrays import Array
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Exchange:
-    """Gathers the nodes of a pair, numbered contactor first.
+    """Gathers the nodes of a pass, numbered as in its stack, and places its points.
 
     Attributes:
         xv: Current position and velocity, shape ``(n, 6)`` [m, m/s].
@@ -28,9 +29,13 @@ class Exchange:
         c_xv, c_ahead: The same for the kernel.
     """
 
-    def __init__(self, reference: Array, dofs: Index32, comm: "MPI.Comm | None") -> None:
-        """Prepare for nodes at ``reference`` ``(n, 3)`` with owned ``dofs`` ``(n,)`` or -1."""
-        n = len(reference)
+    def __init__(self, stack: Stack, comm: "MPI.Comm | None", points: Any = None) -> None:
+        """Prepare for the nodes of a stack; ``points`` are those of the kernel, if there are."""
+        reference, dofs, n = stack.reference, stack.dofs, stack.n
+        self._target, self._points = stack.target, points
+        self._nc = stack.nc
+        self._on_target = np.zeros(n, dtype=bool)
+        self._on_target[stack.target] = True
         self.comm = comm if comm is not None and comm.size > 1 else None
         self.xv = np.zeros((n, 6))
         self.xv[:, :3] = reference
@@ -58,17 +63,22 @@ class Exchange:
         self._chosen = self._plan(np.empty(0, dtype=np.int32))
 
     def _plan(self, item: Index32) -> tuple[Any, ...]:
-        """Return who sends what for these nodes: (own, its view, order, counts, buffer)."""
+        """Return who sends what for these nodes, and which points to place.
+
+        (own, its view, order, counts, buffer, points, their view).
+        """
+        placed = np.ascontiguousarray(item[item < self._nc]) if self._points else item[:0]
         item = item[self._owner[item] >= 0]
         own = np.ascontiguousarray(item[self._dofs[item] >= 0])
         owner = self._owner[item]
         order = item[np.argsort(owner, kind="stable")]
         ranks = self.comm.size if self.comm is not None else 1
         counts = 6 * np.bincount(owner, minlength=ranks)
-        return own, view("own", own, (-1,), np.int32), order, counts, np.empty((len(item), 6))
+        c_own, c_placed = (view("nodes", a, (-1,), np.int32) for a in (own, placed))
+        return own, c_own, order, counts, np.empty((len(item), 6)), placed, c_placed
 
     def _gather(self, plan: tuple[Any, ...], u: Array, v: Array) -> float:
-        own, c_own, order, counts, buffer = plan
+        own, c_own, order, counts, buffer, _, _ = plan
         if u.size < self._need or v.size != u.size:
             raise ValueError(
                 f"state: expected u and v of at least {self._need} values, got {u.size}, {v.size}"
@@ -76,21 +86,28 @@ class Exchange:
         cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
         moved = lib.wr_gather(len(own), c_own, *self._c, cu, cv, self._past, self.c_xv)
         if self.comm is None:
+            self._place(plan, self.c_xv)
             return moved
         self.comm.Allgatherv(self.xv[own], (buffer, counts))
         self.xv[order] = buffer
+        self._place(plan, self.c_xv)
         step = buffer[:, :3] - self.past[order]
         return float(np.sqrt(np.einsum("ia,ia->i", step, step).max(initial=0.0)))
 
-    def wandered(self, u: Array, v: Array, first: int) -> float:
-        """Return how far nodes below and from number ``first`` on can have come closer [m].
+    def _place(self, plan: tuple[Any, ...], xv: Any) -> None:
+        if self._points:
+            lib.wr_place(self._points, len(plan[5]), plan[6], xv)
 
-        That is the largest way of the former since :meth:`mark` plus that of the latter, over all
-        nodes, chosen or not, both seen from node ``first``.
+    def wandered(self, u: Array, v: Array) -> float:
+        """Return how far nodes of both surfaces can have come closer [m].
+
+        That is the largest way of the contactor's nodes since :meth:`mark` plus that of the
+        target's, over all nodes, chosen or not, both seen from the first one of the target.
         """
+        first, on_target = self._target.start, self._on_target
         if self._split is None:
             own = np.flatnonzero(self._dofs >= 0).astype(np.int32)
-            parts = own[own < first], own[own >= first]
+            parts = own[~on_target[own]], own[on_target[own]]
             self._split = tuple((len(a), view("own", a, (-1,), np.int32)) for a in parts)
         ride = np.zeros(3)
         if (dof := int(self._dofs[first])) >= 0:
@@ -101,7 +118,7 @@ class Exchange:
         cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
         ways = [lib.wr_gather(k, own, *self._c, cu, cv, past, self.c_xv) for k, own in self._split]
         # a surface without dofs stands still and is seen to ride backwards
-        fixed = (self._owner[:first].max() < 0, self._owner[first:].max() < 0)
+        fixed = (self._owner[~on_target].max() < 0, self._owner[on_target].max() < 0)
         still = float(np.linalg.norm(ride))
         ways = [still if f else w for w, f in zip(ways, fixed, strict=True)]
         if self.comm is None:
@@ -127,12 +144,13 @@ class Exchange:
             dt: Step [s].
             kick: Time over which the forces act; half of it at the start, whose v is at t [s].
         """
-        own, c_own, order, _, buffer = self._chosen
+        own, c_own, order, counts, buffer, _, _ = self._chosen
         c_force = view("force", force, (-1,))
         lib.wr_predict(c_pass, len(own), c_own, dt, kick, c_force, self.c_ahead)
         if self.comm is not None:
-            self.comm.Allgatherv(self.ahead[own], (buffer, self._chosen[3]))
+            self.comm.Allgatherv(self.ahead[own], (buffer, counts))
             self.ahead[order] = buffer
+        self._place(self._chosen, self.c_ahead)
 
     @property
     def shared(self) -> int:

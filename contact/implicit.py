@@ -61,12 +61,11 @@ class Implicit:
 
     def predict(self, force: Array, dt: float, kick: float, touching: int) -> None:
         """End the last step, at which ``touching`` nodes pressed, and find the gaps one ahead."""
-        near, state, smooth = self._candidates, self._state, self._candidates.search.smooth
-        if smooth and near.found.corners:
-            smooth.update(near.found.corners, near.exchange.c_xv)
+        near, state = self._candidates, self._state
+        near.search.bend(near.found, near.exchange.c_xv)
         lib.wr_settle(self._c_pass, state.c, touching, dt)
         near.exchange.predict(self._c_pass, force, dt, kick)
-        near.track(near.exchange.c_ahead, state)
+        near.follow(near.exchange.c_ahead, state)
 
     def solve(self, force: Array, dt: float, kick: float, fade: float) -> int:
         """Add the forces; return how many nodes touch.

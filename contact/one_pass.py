@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One pass of a contact: the nodes of one surface on the facets of another."""
+"""One pass of a contact: nodes or points of one surface on the facets of another."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
 
 from contact._kernel import ffi, lib
-from contact.arrays import State, Vector, struct, view
+from contact.arrays import Index32, State, Vector, struct, view
 from contact.candidates import Candidates
 from contact.contact_state import ContactState
 from contact.footprint import Footprint, footprint_of
@@ -17,7 +19,7 @@ from contact.normal_law import node_foundation
 from contact.options import IMPLICIT, Options
 from contact.patches import beside, parted
 from contact.search import Found
-from contact.surface import Surface, tributary_area
+from contact.surface import Surface
 from contact.tangent import shape_functions, stiffness_blocks
 from meshes.arrays import Array, Index
 
@@ -27,16 +29,37 @@ if TYPE_CHECKING:
 STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
 
+@dataclass(frozen=True)
+class Pressed:
+    """Contactor nodes that bear forces, as indices into its nodes; see :class:`Footprint`.
+
+    Attributes:
+        c: Nodes, shape ``(m,)``.
+        normal: Normals of the target, shape ``(m, 3)``.
+        normal_force: Normal forces, shape ``(m,)`` [N].
+        tangential_force: Tangential forces on the nodes, shape ``(m, 3)`` [N].
+        slip: Slip since the last step, shape ``(m, 3)`` [m].
+        friction: Coefficients of friction, shape ``(m,)``.
+    """
+
+    c: Index
+    normal: Array
+    normal_force: Array
+    tangential_force: Array
+    slip: Array
+    friction: Array
+
+
 class Pass:
-    """Contactor nodes against target facets, see :class:`contact.pair.ContactPair`.
+    """Contactor nodes or points against target facets, see :class:`contact.pair.ContactPair`.
 
     Attributes:
         contactor, target: Its surfaces.
         options: Its options.
-        area: Tributary area of all nodes, contactor first, shape ``(n,)`` [m2].
-        candidates: Nodes that may touch.
-        contact_state: Contact of each contactor node.
-        active: Contactor nodes in touch.
+        candidates: Nodes, or points instead, that may touch.
+        stack: Their numbers.
+        contact_state: Contact of each of them.
+        active: How many are in touch.
     """
 
     def __init__(
@@ -60,12 +83,13 @@ class Pass:
         self.contactor, self.target = contactor, target
         self.options, self.dt, self.name = options, options.dt, name
         below = options.sharp_angle if options.smooth else None
-        self.candidates = Candidates(contactor, target, comm, options.reach, name, below)
-        self.area = np.concatenate([tributary_area(contactor), tributary_area(target)])
-        implicit = options.method in IMPLICIT
-        self.contact_state = ContactState(
-            len(contactor.nodes), np.inf if implicit else options.tangential
+        points_below = options.sharp_angle if options.points == "quadrature" else None
+        self.candidates = Candidates(
+            contactor, target, comm, options.reach, name, below, points_below
         )
+        self.stack = self.candidates.stack
+        implicit = options.method in IMPLICIT
+        self.contact_state = ContactState(self.stack.nc, np.inf if implicit else options.tangential)
         self._c = self._bind()
         self._c_friction = view("friction", self.contact_state.friction, (-1,))
         self._implicit: Implicit | None = None
@@ -76,7 +100,7 @@ class Pass:
 
     def _bind(self) -> Any:
         """Return the pass for the kernel."""
-        o, exchange = self.options, self.candidates.exchange
+        o, exchange, points = self.options, self.candidates.exchange, self.candidates.search.points
         self._per_mass = o.penalty / o.dt**2
         if o.method == "lagrange" and not o.smooth:
             self._per_mass *= STATIC
@@ -84,14 +108,15 @@ class Pass:
             "wr_pass",
             target=self.candidates.search.c,
             xv=exchange.xv,
-            mass=np.concatenate([self.contactor.mass, self.target.mass]),
-            area=self.area,
-            dof=np.concatenate([self.contactor.dofs, self.target.dofs]),
+            mass=self.stack.mass,
+            area=self.stack.area,
+            dof=self.stack.dofs,
             per_mass=self._per_mass,
             per_area=o.penalty,
             damping=o.damping,
             tangential=o.tangential,
             **self._foundations(),
+            **({} if points is None else {"points": points}),
         )
         return c
 
@@ -186,8 +211,8 @@ class Pass:
         c = h.touching[: self.active]
         slip = h.slip.take(c, axis=0)
         rate = np.sqrt(np.einsum("ia,ia->i", slip, slip)) / self.dt
-        pressure = h.normal_force.take(c) / self.area.take(c)
-        state = LawState(t, self.dt, self.contactor.nodes.take(c), h.friction.take(c))
+        pressure = h.normal_force.take(c) / self.stack.area.take(c)
+        state = LawState(t, self.dt, self.stack.node.take(c), h.friction.take(c))
         try:
             value = coefficients(self.options.law, rate, pressure, state)
         except ValueError as error:
@@ -214,7 +239,7 @@ class Pass:
         depth, c = self.candidates.deepest(state.u.x.array, reach)
         if c < 0:
             return 0.0, -1, np.zeros(3)
-        return depth, int(self.contactor.nodes[c]), self.candidates.exchange.xv[c, :3].copy()
+        return depth, int(self.stack.node[c]), self.candidates.exchange.xv[c, :3].copy()
 
     def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
         """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
@@ -229,11 +254,18 @@ class Pass:
         self._update_static(state)
         h = self.contact_state
         c = h.touching[: self.active]
-        nodes = self.candidates.nodes
-        nodes = np.column_stack([nodes[c], nodes[self.candidates.search.quad[h.facet[c]]]])
         kn = h.stiffness[c]
         kt = self.options.tangential * kn if stick else 0.0
-        return stiffness_blocks(nodes, h.xi[c], h.normal[c], kn, kt)
+        return stiffness_blocks(*self.joined(c, h), h.normal[c], kn, kt)
+
+    def joined(self, c: Index | Index32, state: ContactState) -> tuple[Index, Array]:
+        """Return the HexMesh nodes that contacts ``c`` join, and their weights in the gap.
+
+        Shapes ``(m, 5)``, or ``(m, 8)`` for points; those of the facet come last.
+        """
+        stacked = np.hstack([self.stack.behind(c), self.candidates.search.quad[state.facet[c]]])
+        weight = np.hstack([self.stack.weights(c), -shape_functions(state.xi[c])])
+        return self.stack.node[stacked], weight
 
     def effective_mass(self, found: Found, state: ContactState) -> tuple[Array, Array]:
         """Return the effective mass [kg] of candidates and the area that both sides bring [m2].
@@ -264,8 +296,55 @@ class Pass:
             Contactor ``(nc, 6)`` and target ``(nt, 6)``.
         """
         self.candidates.exchange.whole(u, v)
-        xv, nc = self.candidates.exchange.xv.copy(), len(self.contactor.nodes)
-        return xv[:nc], xv[nc:]
+        xv = self.candidates.exchange.xv
+        return xv[self.stack.contactor].copy(), xv[self.stack.target].copy()
+
+    def pressed(self) -> Pressed:
+        """Return the contactor's nodes that bear forces at the last step, ascending.
+
+        Forces on points are those on the nodes of their facets; slip and coefficient of friction
+        are means over the points round a node, weighted with their normal forces.
+        """
+        h = self.contact_state
+        c = np.sort(h.touching[: self.active].astype(np.int64))
+        c = c[h.normal_force[c] > 0.0]
+        p, t, n = h.normal_force[c], h.tangential_force[c], h.normal[c]
+        points = self.stack.points
+        if points is None:
+            return Pressed(c, n, p, t, h.slip[c], h.friction[c])
+        nodes, place = np.unique(points.node[c], return_inverse=True)
+        share = coo_array(
+            (points.weight[c].ravel(), (place.ravel(), np.repeat(np.arange(len(c)), 4))),
+            (len(nodes), len(c)),
+        ).tocsr()
+        mean = 1.0 / (share @ p)
+        normal = share @ (p[:, None] * n)
+        normal_force = np.linalg.norm(normal, axis=1)
+        return Pressed(
+            nodes.astype(np.int64),
+            normal / normal_force[:, None],
+            normal_force,
+            share @ t,
+            mean[:, None] * (share @ (p[:, None] * h.slip[c])),
+            mean * (share @ (p * h.friction[c])),
+        )
+
+    def forces(self) -> tuple[Index32, Array]:
+        """Return touching contactor nodes and the normal and tangential force on each [N].
+
+        Shapes ``(m,)`` and ``(m, 6)``; called at every step.
+        """
+        h = self.contact_state
+        if self.stack.points is not None:
+            on = self.pressed()
+            return on.c.astype(np.int32), np.hstack(
+                [on.normal_force[:, None] * on.normal, on.tangential_force]
+            )
+        c = h.touching[: self.active]
+        force = np.empty((len(c), 6))
+        np.multiply(h.normal.take(c, axis=0), h.normal_force.take(c)[:, None], out=force[:, :3])
+        h.tangential_force.take(c, axis=0, out=force[:, 3:])
+        return c, force
 
     def footprint(self, stick_tolerance: float = 0.05) -> Footprint:
         """Return the nodes in contact at the last step and their patches, same on all ranks.
@@ -274,34 +353,23 @@ class Pass:
             stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
                 fraction of the largest tangential nodal force [-].
         """
-        h = self.contact_state
-        c = np.sort(h.touching[: self.active].astype(np.int64))
-        c = c[h.normal_force[c] > 0.0]
-        return self.footprint_on(
-            c, h.normal[c], h.normal_force[c], h.tangential_force[c], stick_tolerance
-        )
+        return self.footprint_on(self.pressed(), stick_tolerance)
 
-    def footprint_on(
-        self,
-        c: Index,
-        normal: Array,
-        normal_force: Array,
-        tangential_force: Array,
-        stick_tolerance: float,
-    ) -> Footprint:
-        """Return the footprint of contactor nodes ``c`` with these normals and forces."""
-        h = self.contact_state
-        neighbours = beside(self.contactor.facets, c, len(self.contactor.nodes))
+    def footprint_on(self, on: Pressed, stick_tolerance: float) -> Footprint:
+        """Return the footprint of the nodes that bear forces."""
+        neighbours = beside(self.contactor.facets, on.c, len(self.contactor.nodes))
+        start = self.stack.contactor.start
+        area = self.stack.area[start + on.c]
         return footprint_of(
-            self.contactor.nodes[c],
-            self.candidates.exchange.xv[c, :3],
-            normal,
-            normal_force,
-            tangential_force,
-            self.area[c],
-            h.slip[c] / self.dt,
-            h.friction[c],
-            parted(normal_force / self.area[c], neighbours),
+            self.contactor.nodes[on.c],
+            self.candidates.exchange.xv[start + on.c, :3],
+            on.normal,
+            on.normal_force,
+            on.tangential_force,
+            area,
+            on.slip / self.dt,
+            on.friction,
+            parted(on.normal_force / area, neighbours),
             stick_tolerance,
         )
 

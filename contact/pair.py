@@ -10,7 +10,7 @@ import numpy.typing as npt
 from contact.arrays import State, Vector
 from contact.footprint import Footprint
 from contact.friction import Law, as_law
-from contact.one_pass import Pass
+from contact.one_pass import Pass, Pressed
 from contact.options import IMPLICIT, Options
 from contact.surface import Surface
 from meshes.arrays import Array, Index
@@ -73,6 +73,7 @@ class ContactPair:
         initial_overlap: str = "push",
         offset_time: float = 0.0,
         two_pass: bool = False,
+        points: str = "nodes",
         name: str = "",
     ) -> None:
         """Set up the pair; collective.
@@ -91,12 +92,15 @@ class ContactPair:
             method: ``penalty``, ``modulus-penalty``, ``implicit-penalty``, ``lagrange``; the last
                 two must be added when ``force`` holds all other forces on owned dofs.
             smooth: Curve the target's facets by their averaged normals.
-            sharp_angle: Facets of a smooth target that meet at more keep their edge [rad].
+            sharp_angle: Facets that meet at more keep their edge [rad].
             initial_overlap: What becomes of nodes that overlap at the first step and not from a
                 static solve: ``push`` (their springs push) or ``offset`` (it does not count).
             offset_time: Time over which offsets fade to none; kept until release if 0 [s].
             two_pass: Make each surface contactor once; both deformable, ``penalty`` or
                 ``modulus-penalty`` only.
+            points: What touches the target: the contactor's ``nodes``, or 2 x 2 Gauss points in
+                each of its facets (``quadrature``), which load the nodes of the facet; with
+                ``penalty`` and ``implicit-penalty`` in one pass, contactor deformable.
             name: Name for messages.
 
         Raises:
@@ -116,11 +120,17 @@ class ContactPair:
             sharp_angle=sharp_angle,
             initial_overlap=initial_overlap,
             offset_time=offset_time,
+            points=points,
         )
         self.last = method in IMPLICIT
         sides = [(contactor, target)]
         if contactor.rigid and target.rigid:
             raise ValueError(f"contact pair {self.name}: both surfaces are rigid")
+        if points != "nodes" and (two_pass or contactor.rigid):
+            raise ValueError(
+                f"contact pair {self.name}: points = {points!r}: expected one pass and a "
+                "deformable contactor"
+            )
         if two_pass:
             self._check_two_passes()
             options = replace(options, penalty=penalty / 2, damping=damping / 2**0.5)
@@ -307,7 +317,9 @@ class ContactPair:
         normal_force = np.einsum("ia,ia->i", total, direction)
         c = np.flatnonzero(normal_force > 0.0)
         tangential = total[c] - normal_force[c, None] * direction[c]
-        return one.footprint_on(c, direction[c], normal_force[c], tangential, stick_tolerance)
+        h = one.contact_state  # of nodes: points do not go with two passes
+        on = Pressed(c, direction[c], normal_force[c], tangential, h.slip[c], h.friction[c])
+        return one.footprint_on(on, stick_tolerance)
 
     # ---- memory ---------------------------------------------------------------------------
 

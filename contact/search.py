@@ -11,6 +11,7 @@ from contact._kernel import ffi, lib
 from contact.arrays import Index32, struct, view
 from contact.contact_state import ContactState
 from contact.smooth import Corners, Smooth
+from contact.stack import Stack
 from contact.surface import Surface
 from meshes.arrays import Array
 from meshes.quads import area_vectors
@@ -80,26 +81,36 @@ class Found:
 
 
 class Search:
-    """Candidates of a pass; nodes are stacked, contactor first.
+    """Candidates of a pass.
 
     Attributes:
-        nc, n: Number of contactor nodes and of all nodes.
+        stack: Numbers of its nodes.
+        nc, n: Number of contactor nodes, or of the points instead, and of all nodes.
         quad: Target facets in the stacked numbering, shape ``(q, 4)``.
         size: Square root of the facet areas, shape ``(q,)`` [m].
         kind, around, ring: Topology of the target, see ``kernel.h``.
         smooth: Its corner normals, None for bilinear facets.
+        points: Points for the kernel, None where nodes touch.
         c: The target for the kernel.
     """
 
     def __init__(
-        self, contactor: Surface, target: Surface, smooth_below: float | None = None
+        self,
+        contactor: Surface,
+        target: Surface,
+        smooth_below: float | None = None,
+        points_below: float | None = None,
     ) -> None:
-        """Prepare; facets that meet at less than ``smooth_below`` [rad] form a smooth target."""
-        self.nc = len(contactor.nodes)
-        self.n = self.nc + len(target.nodes)
+        """Prepare; facets that meet at less than ``smooth_below`` [rad] form a smooth target.
+
+        With ``points_below`` points in the contactor's facets touch, which it curves.
+        """
+        self.stack = stack = Stack(contactor, target, points_below)
+        self.nc, self.n = stack.nc, stack.n
+        self.points = stack.for_kernel()
         self.facets = contactor.facets
         self.quad = np.ascontiguousarray(target.facets + self.nc, dtype=np.int32)
-        points = np.vstack([contactor.reference, target.reference])
+        points = stack.reference
         self.around, self.ring = node_facets(self.quad, self.n)
         self.kind = facet_kinds(points, self.quad, self.around, self.ring)
         self.size = np.sqrt(np.linalg.norm(area_vectors(points, self.quad), axis=1))
@@ -123,7 +134,7 @@ class Search:
     def _near(self, x: Array, pad: float) -> tuple[Index32, Index32, Array]:
         """Return contactor nodes and facets (with boxes) that come within ``pad`` [m]."""
         none = np.empty(0, dtype=np.int32)
-        y = x[self.nc :]
+        y = x[self.stack.target]
         low, high = y.min(axis=0) - pad, y.max(axis=0) + pad
         c = x[: self.nc]
         item = np.flatnonzero(((c >= low) & (c <= high)).all(axis=1)).astype(np.int32)
@@ -165,6 +176,11 @@ class Search:
 
     def _normals(self, x: Array, item: Index32) -> Array:
         """Return the outward normals of the contactor, right at the nodes ``item``."""
+        if self.stack.points is not None:
+            outward = np.zeros((self.nc, 3))
+            area = area_vectors(x, self.stack.behind(item))
+            outward[item] = area / np.linalg.norm(area, axis=1)[:, None]
+            return outward
         near = np.zeros(self.nc, dtype=bool)
         near[item] = True
         quads = self.facets[near[self.facets].any(axis=1)]
@@ -211,17 +227,25 @@ class Search:
         c = struct("wr_candidates", k=len(item), item=item, outward=outward, live=live)
         corners = self.smooth.corners(live) if self.smooth else None
         facets = corners.facets if corners else live == 1
-        nodes = np.concatenate([item, np.unique(self.quad[facets])]).astype(np.int32)
+        parts = [item, np.unique(self.quad[facets])]
+        if self.stack.points is not None:
+            parts.append(np.unique(self.stack.behind(item)).astype(np.int32))
+        nodes = np.concatenate(parts).astype(np.int32)
         return Found(item, facet[item], xi[item], live, outward, nodes, corners, c)
+
+    def bend(self, found: Found, xv: Any) -> None:
+        """Curve a smooth target by its normals at the positions in the view ``xv``."""
+        if self.smooth and found.corners:
+            self.smooth.update(found.corners, xv)
 
     def track(self, found: Found, xv: Any, state: ContactState) -> None:
         """Follow the closest points of candidates into ``facet, xi, gap, normal`` of a state.
 
         Args:
             found: The candidates.
-            xv: Positions of all nodes, a view.
+            xv: Positions of all nodes, a view; a smooth target is that of the last :meth:`bend`.
             state: Written.
         """
-        if self.smooth and found.corners:
-            self.smooth.update(found.corners, xv)
         lib.wr_track(self.c, found.c, xv, state.c)
+        if self.points is not None:
+            lib.wr_raise(self.points, found.c, state.c)

@@ -18,8 +18,8 @@ class Springs:
     """Springs of ``m`` contactor nodes and the facets next to them; the same on all ranks.
 
     Attributes:
-        nodes: HexMesh nodes, contactor then facet, negative for rigid ones, shape ``(m, 5)``.
-        xi: Local coordinates on the facet, shape ``(m, 2)``.
+        nodes: HexMesh nodes, contactor then facet, negative for rigid ones, shape ``(m, k)``.
+        weight: Their weights in the gap, those of the facet negative, shape ``(m, k)``.
         normal: Normals of the target, shape ``(m, 3)``.
         gap: Distance from the facet, negative = penetration, shape ``(m,)`` [m].
         mass: Effective mass, shape ``(m,)`` [kg].
@@ -29,7 +29,7 @@ class Springs:
     """
 
     nodes: Index
-    xi: Array
+    weight: Array
     normal: Array
     gap: Array
     mass: Array
@@ -38,7 +38,7 @@ class Springs:
 
     def blocks(self, normal: Array, tangential: Array) -> tuple[Index, Index, Array]:
         """Return the stiffness as triplets, see :func:`contact.tangent.stiffness_blocks`."""
-        return stiffness_blocks(self.nodes, self.xi, self.normal, normal, tangential)
+        return stiffness_blocks(self.nodes, self.weight, self.normal, normal, tangential)
 
 
 def springs(
@@ -65,8 +65,9 @@ def springs(
         foundations = side.contactor, side.target
     if foundations is not None and foundations[1].foundation is not None:
         facet = foundations[1].foundation[there.facet[c]]
-        foundation = shared * np.minimum(node_foundation(foundations[0])[c], facet)
-    nodes = np.column_stack([near.nodes[c], near.nodes[near.search.quad[there.facet[c]]]])
+        foundation = shared * np.minimum(
+            node_foundation(foundations[0])[near.stack.nearest[c]], facet
+        )
     return Springs(
-        nodes, there.xi[c], there.normal[c], there.gap[c], mass, side.area[c], foundation
+        *side.joined(c, there), there.normal[c], there.gap[c], mass, side.stack.area[c], foundation
     )

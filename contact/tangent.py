@@ -15,16 +15,17 @@ def shape_functions(xi: Array) -> Array:
 
 
 def stiffness_blocks(
-    nodes: Index, xi: Array, normal: Array, kn: Array, kt: float | Array
+    nodes: Index, weight: Array, normal: Array, kn: Array, kt: float | Array
 ) -> tuple[Index, Index, Array]:
     """Return the stiffness between a contactor node and its four facet nodes as triplets.
 
-    With B = (1, -N_1 ... -N_4) a node's block is B_i B_j (k_n n n^T + k_t (I - n n^T)); the
-    turning of n with the facet is left out. It is the derivative of minus the force.
+    With the weights B = (1, -N_1 ... -N_4), or with those of the nodes round a point instead of 1,
+    a block is B_i B_j (k_n n n^T + k_t (I - n n^T)); the turning of n with the facet is left out.
+    It is the derivative of minus the force.
 
     Args:
-        nodes: HexMesh nodes: contactor, then facet; negative for rigid ones, ``(m, 5)``.
-        xi: Local coordinates on the facet, ``(m, 2)``.
+        nodes: HexMesh nodes: contactor, then facet; negative for rigid ones, ``(m, n)``.
+        weight: Their weights in the gap, ``(m, n)``.
         normal: Normals of the target, ``(m, 3)``.
         kn: Normal stiffness, ``(m,)`` [N/m].
         kt: Tangential stiffness, ``(m,)`` or 0 [N/m].
@@ -33,12 +34,12 @@ def stiffness_blocks(
         Row nodes ``(k,)``, column nodes ``(k,)`` and blocks ``(k, 3, 3)`` [N/m]; entries of the
         same place are to be summed. Rigid nodes are left out.
     """
-    weight = np.hstack([np.ones((len(xi), 1)), -shape_functions(xi)])
     nn = np.einsum("ma,mb->mab", normal, normal)
     core = kn[:, None, None] * nn
     core += np.broadcast_to(kt, kn.shape)[:, None, None] * (np.eye(3) - nn)
     blocks = np.einsum("mi,mj,mab->mijab", weight, weight, core).reshape(-1, 3, 3)
-    row = np.repeat(nodes, 5, axis=1).ravel()
-    column = np.tile(nodes, (1, 5)).ravel()
+    size = nodes.shape[1]
+    row = np.repeat(nodes, size, axis=1).ravel()
+    column = np.tile(nodes, (1, size)).ravel()
     real = (row >= 0) & (column >= 0)
     return row[real], column[real], blocks[real]

@@ -206,6 +206,18 @@ static int return_map(double kt, double limit, const double *s, double *t, wr_to
   return stick;
 }
 
+/* Adds a force on contactor node c, or on the nodes of a point. */
+static void load(const wr_pass *p, size_t c, const double *F, double *f) {
+  const wr_points *points = p->points;
+  const size_t each = points ? 4 : 1;
+  for (size_t b = each * c; b < each * (c + 1); b++) {
+    const int32_t dof = p->dof[points ? (size_t)points->node[b] : c];
+    const double share = points ? points->weight[b] : 1.0;
+    for (size_t a = 0; a < 3 && dof >= 0; a++)
+      f[3 * (size_t)dof + a] += share * F[a];
+  }
+}
+
 /* Adds the force of one contact to both bodies on owned dofs, and to the resultants. */
 static void act(const wr_pass *p, const wr_state *h, size_t c, double *f) {
   const double *n = h->normal + 3 * c, *t = h->tangential_force + 3 * c;
@@ -219,9 +231,7 @@ static void act(const wr_pass *p, const wr_state *h, size_t c, double *f) {
     total->tangential_resultant[a] += t[a];
   }
   total->normal_force += normal_force;
-  if (dof[c] >= 0)
-    for (int a = 0; a < 3; a++)
-      f[3 * (size_t)dof[c] + a] += F[a];
+  load(p, c, F, f);
   if (!lever(p, h, c, 0.0, N, r, R, inverse))
     return;
   /* the reaction acts at the closest point, the force at the node: a self-equilibrated couple

@@ -32,7 +32,7 @@ static double gap_there(const wr_pass *pass, const wr_state *h, size_t c) {
     monomials(pass->xv, facet_of(pass, h, c), m);
     residual(m, x, h->xi + 2 * c, r, y[1], y[2]);
   }
-  return dot3(r, h->normal + 3 * c);
+  return dot3(r, h->normal + 3 * c) - (pass->points ? pass->points->height[c] : 0.0);
 }
 
 /* Counts the work of a node's forces over half a step of relative velocity w; returns w . n. */
@@ -58,20 +58,26 @@ void wr_settle(const wr_pass *pass, wr_state *h, int64_t k, double dt) {
 }
 
 /* Velocity of the node relative to the facet that the contact forces have given so far. */
-static inline void given(const wr_row *r, const double *dv, size_t c, const int32_t *nodes,
-                         double *w) {
+static inline void given(const wr_pass *pass, const wr_row *r, const double *dv, size_t c,
+                         const int32_t *nodes, double *w) {
   const double *a = dv + 3 * (size_t)nodes[0], *b = dv + 3 * (size_t)nodes[1];
   const double *d = dv + 3 * (size_t)nodes[2], *e = dv + 3 * (size_t)nodes[3];
+  const wr_points *points = pass->points;
   for (int i = 0; i < 3; i++)
-    w[i] = dv[3 * c + (size_t)i] -
+    w[i] = (points ? 0.0 : dv[3 * c + (size_t)i]) -
            ((r->N[0] * a[i] + r->N[1] * b[i]) + (r->N[2] * d[i] + r->N[3] * e[i]));
+  if (points)
+    carried(points, c, dv, w);
 }
 
 /* Adds the velocities of an impulse on the node and against the facet. */
-static inline void push(const wr_row *r, double *dv, size_t c, const int32_t *nodes,
-                        const double *impulse) {
-  for (int i = 0; i < 3; i++)
+static inline void push(const wr_pass *pass, const wr_row *r, double *dv, size_t c,
+                        const int32_t *nodes, const double *impulse) {
+  const wr_points *points = pass->points;
+  for (int i = 0; i < 3 && !points; i++)
     dv[3 * c + (size_t)i] += r->per_mass[0] * impulse[i];
+  if (points)
+    spread(points, c, impulse, dv);
   for (int b = 0; b < 4; b++) {
     const double s = r->N[b] * r->per_mass[b + 1];
     for (int i = 0; i < 3; i++)
@@ -93,9 +99,10 @@ static void open_row(const system_t *s, size_t c, wr_row *r) {
   const wr_state *h = s->state;
   const double *xv = s->pass->xv, *ahead = s->solver->ahead, *mass = s->pass->mass;
   const int32_t *nodes = facet_of(s->pass, h, c);
+  const wr_points *points = s->pass->points;
   double spin[3], W;
   shape4(h->xi + 2 * c, r->N);
-  W = r->per_mass[0] = 1.0 / mass[c];
+  W = r->per_mass[0] = points ? point_mass(points, c, s->solver->dv) : 1.0 / mass[c];
   relative(s->pass, h, c, 0.5 * s->dt, r->w, spin);
   for (int a = 3; a < 6; a++)
     r->w[a - 3] += ahead[6 * c + (size_t)a] - xv[6 * c + (size_t)a];
@@ -133,7 +140,7 @@ static double sweep(const system_t *s, int64_t m) {
     const size_t c = (size_t)s->state->touching[i];
     const int32_t *nodes = facet_of(s->pass, s->state, c);
     double w[3], old[3], impulse[3], moved = 0.0;
-    given(r, dv, c, nodes, w);
+    given(s->pass, r, dv, c, nodes, w);
     const double W = kick / r->inverse, before = r->p;
     const double p =
         before - (r->gap / dt + dot3(w, r->n) + before * r->give[0]) / (W + r->give[0]);
@@ -157,7 +164,7 @@ static double sweep(const system_t *s, int64_t m) {
       impulse[a] = kick * ((r->p - before) * r->n[a] + r->t[a] - old[a]);
       moved += impulse[a] * impulse[a];
     }
-    push(r, dv, c, nodes, impulse);
+    push(s->pass, r, dv, c, nodes, impulse);
     moved = dt * sqrt(moved) / r->inverse;
     if (moved > largest || isnan(moved))
       largest = moved;
@@ -248,7 +255,7 @@ int64_t wr_implicit(const wr_pass *pass, const wr_candidates *near, wr_state *st
     double impulse[3];
     for (int a = 0; a < 3; a++)
       impulse[a] = kick * (r->p * r->n[a] + r->t[a]);
-    push(r, solver->dv, c, facet_of(pass, state, c), impulse);
+    push(pass, r, solver->dv, c, facet_of(pass, state, c), impulse);
   }
   solver->sweeps = 0;
   solver->residual = 0.0;

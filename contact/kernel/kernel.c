@@ -12,6 +12,8 @@
 
 #include "smooth.c"
 
+#include "points.c"
+
 #include "force.c"
 
 #include "implicit.c"

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: LGPL-3.0-or-later */
-/* Node-to-facet contact on flat arrays: declarations and comments only, cffi reads this file.
+/* Contact of points with facets on flat arrays: declarations and comments only, cffi reads this
+ * file.
  *
- * The nodes of a pass are stacked, contactor first: 0 <= c < nc are contactor nodes and
- * nc <= j < n target nodes. All arrays are owned by the caller. */
+ * What touches are the contactor's nodes or points in its facets. The nodes of a pass are stacked:
+ * 0 <= c < nc are what touches, and nc <= j < n the target's nodes, then, where points touch, those
+ * of the contactor. `Contactor node` is said for both. All arrays are owned by the caller. */
 
 #define WR_SHARP 16
 
@@ -20,12 +22,21 @@ typedef struct {
   double *normals;       /* [m][3]  unit normals at corners */
 } wr_target;
 
+/* Points in the facets of the contactor, that touch instead of its nodes. */
+typedef struct {
+  const int32_t *node;    /* [nc][4]  nodes of the facet */
+  const double *weight;   /* [nc][4]  their shape functions at the point */
+  const double *per_mass; /* [nc][4]  weight / mass                                          1/kg */
+  const double *height;   /* [nc]     of the undeformed curved surface over the facet there     m */
+} wr_points;
+
 /* What a pass is made of. */
 typedef struct {
   const wr_target *target;
+  const wr_points *points;    /*         NULL: the contactor's nodes touch */
   const double *xv;           /* [n][6]  current position and velocity                 m, m/s */
-  const double *mass;         /* [n]     nodal mass, infinite for rigid nodes              kg */
-  const double *area;         /* [n]     tributary area on the undeformed surface          m2 */
+  const double *mass;         /* [n]     mass of a node or point, infinite if rigid        kg */
+  const double *area;         /* [n]     its area on the undeformed surface                m2 */
   const int32_t *dof;         /* [n]     dof block owned by this rank, -1: none */
   const double *foundation_c; /* [nc]    foundation moduli: bulk modulus * area / volume of the */
   const double *foundation_t; /* [q]     cell; NULL where springs follow the mass        Pa/m */
@@ -115,6 +126,12 @@ typedef struct {
  * Returns the largest distance moved from `past`. */
 double wr_gather(int64_t k, const int32_t *item, const int32_t *dof, const double *X,
                  const double *u, const double *v, const double *past, double *xv);
+
+/* Positions and velocities of k points from those of their nodes, which xv holds too. */
+void wr_place(const wr_points *points, int64_t k, const int32_t *item, double *xv);
+
+/* Takes the heights of the candidates off their gaps. */
+void wr_raise(const wr_points *points, const wr_candidates *near, wr_state *state);
 
 /* Sorts m boxes into cells: first call with entry NULL counts, second call fills.
  *   cursor  [cells]  in/out: counts (first call), next free place (second call)

@@ -66,7 +66,7 @@ def test_law_sees_slip_rate_pressure_and_history():
     evaluate(pair, state)
     assert np.isnan(seen[0][2].friction).all() and seen[1][2].friction == pytest.approx(0.1)
     assert seen[1][0] == pytest.approx(np.full(25, 2.0))
-    total = float((seen[1][1] * pair.passes[0].area[:25]).sum())
+    total = float((seen[1][1] * pair.passes[0].stack.area[:25]).sum())
     assert total == pytest.approx(pair.normal_force)
     assert (seen[1][2].node == plate.nodes).all()
 

@@ -20,6 +20,8 @@ METHODS = {
     "penalty": {"damping": 0.1},
     "modulus-penalty": {"method": "modulus-penalty", "penalty": 1e-5, "damping": 0.1},
     "lagrange": {"method": "lagrange"},
+    "points": {"points": "quadrature", "damping": 0.1},
+    "implicit points": {"method": "implicit-penalty", "penalty": 30.0, "points": "quadrature"},
 }
 
 
@@ -244,6 +246,7 @@ def test_memory_resumes_bitwise(kind, smooth):
         ({"method": "lagrange", "damping": 0.1}, "damping: expected 0 with method"),
         ({"sharp_angle": 4.0}, "sharp_angle"),
         ({"initial_overlap": "jump"}, "initial_overlap"),
+        ({"points": "centres"}, "points: expected one of nodes, quadrature"),
         ({"offset_time": -1.0}, "offset_time"),
     ],
 )

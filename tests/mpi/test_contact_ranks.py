@@ -25,6 +25,13 @@ CASES = {
     "lagrange": {"method": "lagrange"},
     "smooth lagrange": {"method": "lagrange", "smooth": True},
     "two passes": {"damping": 0.05, "two_pass": True},
+    "points": {"damping": 0.05, "points": "quadrature"},
+    "implicit points": {
+        "method": "implicit-penalty",
+        "penalty": 30.0,
+        "points": "quadrature",
+        "smooth": True,
+    },
 }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from contact.springs import springs
-from contact.tangent import shape_functions
 from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow import Scene, run
 from workflow.audit.advice import landing_gain
@@ -35,12 +34,11 @@ def dense(model, limits, damping=0.0) -> np.ndarray:
     K = np.array([limits._apply(e, dt, np.zeros(0), None) for e in np.eye(n)])
     local = model.domain.local_dofs(np.arange(len(model.domain.source.points)))
     s, p = limits.passes[0].springs, limits.passes[0].penalty
-    weight = np.hstack([np.ones((len(s.xi), 1)), -shape_functions(s.xi)])
     held = np.eye(n)
     for dofs, d in zip(model.supports.dofs, model.supports.directions, strict=True):
         i = 3 * dofs + int(np.argmax(d))
         held[i, i] = 0.0
-    for nodes, w, normal, m in zip(s.nodes, weight, s.normal, s.mass, strict=True):
+    for nodes, w, normal, m in zip(s.nodes, s.weight, s.normal, s.mass, strict=True):
         k = p * m / dt**2 * (np.eye(3) + 4 * damping / p**0.5 * np.outer(normal, normal))
         B = np.zeros((3, n))
         for node, share in zip(nodes, w, strict=True):
@@ -50,10 +48,12 @@ def dense(model, limits, damping=0.0) -> np.ndarray:
     return dt**2 / 4 * K
 
 
+@pytest.mark.parametrize("points", ["nodes", "quadrature"])
 @pytest.mark.parametrize("damping", [0.0, 0.4])
-def test_asked_is_the_dense_eigenvalue(damping):
+def test_asked_is_the_dense_eigenvalue(damping, points):
     """Bodies, contact springs and dampers together: at most 0.5 % above the exact value."""
-    model = at_rest(**{"contacts.face.penalty": 1.5, "contacts.face.damping": damping})
+    changes = {"penalty": 1.5, "damping": damping, "points": points}
+    model = at_rest(**{f"contacts.face.{key}": value for key, value in changes.items()})
     limits = Limits(model)
     exact = np.linalg.eigvalsh(dense(model, limits, damping))[-1]
     assert exact <= limits.demand(model.dt) <= 1.005 * exact

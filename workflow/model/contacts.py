@@ -81,5 +81,6 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
         initial_overlap=contact.initial_overlap,
         offset_time=contact.offset_time,
         two_pass=contact.two_pass,
+        points=contact.points,
         name=key,
     )

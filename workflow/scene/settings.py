@@ -43,7 +43,8 @@ class Contact(Section):
     ``modulus-penalty`` (``penalty`` times bulk modulus, area and area over volume of the cells
     behind), ``implicit-penalty`` (the springs of ``penalty`` at the end of the step, at any
     ``penalty``) or ``lagrange`` (no penetration). In ``two_pass`` each surface is contactor once. A
-    ``smooth`` target is curved by averaged normals but for edges over ``sharp_angle``.
+    ``smooth`` target is curved by averaged normals but for edges over ``sharp_angle``. What touches
+    are the contactor's nodes or, with ``points = "quadrature"``, points in its facets.
     ``initial_overlap`` that no static solve has made is left out of the gap (``offset``), for good
     or fading over ``offset_time``, or pushes the bodies apart (``push``).
     """
@@ -55,6 +56,7 @@ class Contact(Section):
     penalty: Factor = 0.2
     damping: Share = 0.0
     two_pass: bool = False
+    points: Literal["nodes", "quadrature"] = "nodes"
     smooth: bool = False
     sharp_angle: float = Field(0.7, strict=True, gt=0, lt=3.14, json_schema_extra={"unit": "rad"})
     initial_overlap: Literal["offset", "push"] = "offset"
@@ -69,6 +71,13 @@ class Contact(Section):
             raise ValueError(
                 f"contacts: damping = {self.damping}: expected 0 with method = {self.method!r}, "
                 "whose impacts are plastic"
+            )
+        if self.points == "quadrature" and (
+            self.two_pass or self.method in ("modulus-penalty", "lagrange")
+        ):
+            raise ValueError(
+                "contacts: points = 'quadrature': expected method = 'penalty' or "
+                "'implicit-penalty' and no two_pass"
             )
         if self.two_pass and (implicit or isinstance(self.target, RigidWall)):
             raise ValueError(

@@ -110,7 +110,7 @@ class Watch:
 
 
 def node_sizes(side: "Pass") -> npt.NDArray[np.float64]:
-    """Return the edge of the cells around each contactor node [m], shape ``(nc,)``.
+    """Return the edge of the cells around each contactor node or point [m], shape ``(nc,)``.
 
     That is the mean edge of the facets around it; of the target's, if the contactor is rigid.
     """
@@ -119,18 +119,19 @@ def node_sizes(side: "Pass") -> npt.NDArray[np.float64]:
     surface = side.contactor
     n = len(surface.nodes)
     if surface.rigid:
-        return np.full(n, typical_edge(side.target))
+        return np.full(side.stack.nc, typical_edge(side.target))
     quads = surface.facets
     corners = surface.reference[quads]
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
     total = np.bincount(quads.ravel(), np.repeat(edges, quads.shape[1]), n)
-    return np.asarray(total / np.maximum(np.bincount(quads.ravel(), minlength=n), 1))
+    sizes = total / np.maximum(np.bincount(quads.ravel(), minlength=n), 1)
+    return np.asarray(sizes[side.stack.nearest])
 
 
 def where(side: "Pass", node: int) -> str:
     """Return which node of a contactor is meant and where it is, in words."""
     x, y, z = side.candidates.exchange.xv[node, :3]
-    return f"node {side.contactor.nodes[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
+    return f"node {side.stack.node[node]}, at x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m"
 
 
 def check_energy(model: "Model", ledger: "Ledger") -> None:

@@ -168,9 +168,9 @@ def contact_mass(model: Model) -> Array:
     mass = np.zeros_like(real)
     for side in (side for pair in model.pairs.values() for side in pair.passes):
         near = side.candidates
-        stacked = np.concatenate([side.contactor.dofs, side.target.dofs])
         facets = near.search.quad[near.found.live.astype(bool)]
-        dofs = stacked[np.unique(np.concatenate([near.item, facets.ravel()]))]
+        moving = np.concatenate([side.stack.behind(near.item).ravel(), facets.ravel()])
+        dofs = side.stack.dofs[np.unique(moving)]
         dofs = dofs[dofs >= 0]
         share = HEAVIER * side.options.penalty / (4 * SAFETY**2)
         mass.reshape(-1, 3)[dofs] += share * real.reshape(-1, 3)[dofs]

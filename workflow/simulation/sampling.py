@@ -118,15 +118,7 @@ class ContactSampler:
 
     def now(self) -> tuple[Array, npt.NDArray[np.int32], Array]:
         """Return the total, the touching nodes (first pass) and their forces at this step."""
-        h = self.side.contact_state
-        touching = h.touching[: self.side.active]
-        force = np.empty((len(touching), 6))
-        np.multiply(
-            h.normal.take(touching, axis=0),
-            h.normal_force.take(touching)[:, None],
-            out=force[:, :3],
-        )
-        h.tangential_force.take(touching, axis=0, out=force[:, 3:])
+        touching, force = self.side.forces()
         total = np.array([self.pair.normal_resultant, self.pair.tangential_force])
         return total, touching, force
 
