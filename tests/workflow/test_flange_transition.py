@@ -22,11 +22,11 @@ DRIFT = SPEED * np.sin(0.02)  # [m/s]
 
 @pytest.fixture(scope="module")
 def record(squealx, tmp_path_factory) -> Record:
-    """The scene from a start next to the flange up to 1.5 ms: about a minute on one rank."""
+    """The scene from a start next to the flange up to 1.5 ms: two minutes on one rank."""
     folder = tmp_path_factory.mktemp("flange") / "run"
     words = ("flange-transition", "--out", folder)
     words += ("--set", "time.end=1.5e-3", "--set", "mesh.flange_gap=4e-4")
-    squealx("run", *words, timeout=900)
+    squealx("run", *words, timeout=1800)
     return Record(folder)
 
 
