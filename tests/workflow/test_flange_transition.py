@@ -63,10 +63,26 @@ def test_row_24_energy_of_the_main_scene(record):
 
 
 @pytest.mark.slow
-def test_the_rail_carries_the_weight_at_the_start(record):
-    """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 8 % to 0.3 ms.
+def test_row_26_patches_are_those_of_half_spaces(record):
+    """Area and peak pressure of both patches, rolling and sliding in two points: within 15 %.
 
-    The wheel climbs, and nodes that pass make the force of a stiff contact rise and fall by 4 %.
+    Half-spaces of the drawn profiles as they stand, under the same force. 4 mm along and 0.6 mm
+    across the rail: 4 and 5 % on the rail top, 7 and 4 % on the gauge corner, mean of two outputs.
+    """
+    summary = json.loads((record.folder / "summary.json").read_text("utf-8"))
+    errors = {a["quantity"]: a["error"] for a in summary["expected"]}
+    rolling = {name: e for name, e in errors.items() if " rolling" in name}
+    of_patches = [e for name, e in rolling.items() if name.endswith((": area", ": peak pressure"))]
+    assert len(of_patches) == 4 and np.abs(of_patches).max() < 0.15
+    nodal = [e for name, e in rolling.items() if "nodal pressure" in name]
+    assert len(nodal) == 2 and max(nodal) < 0.15
+
+
+@pytest.mark.slow
+def test_the_rail_carries_the_weight_at_the_start(record):
+    """Vertical contact force = weight of wheelset and sprung mass: 0.1 % at rest, 5 % to 0.3 ms.
+
+    The wheel climbs.
     The added mass at the bottom of the rim weighs nothing, but turns with it: 0.2 % of the load.
     """
     body = record.body
@@ -82,7 +98,7 @@ def test_the_rail_carries_the_weight_at_the_start(record):
     unbalance = summary["added_mass"]["bodies"]["wheelset"] * SPEED**2 / 0.46
     assert unbalance < 5e-3 * weight
     assert vertical[0] == pytest.approx(weight + unbalance, rel=1e-3)
-    assert vertical[1] == pytest.approx(weight, rel=0.08)
+    assert vertical[1] == pytest.approx(weight, rel=0.05)
 
 
 @pytest.mark.slow
