@@ -124,8 +124,9 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     peak at any size.
 
     The patch is no ellipse: its lower end reaches on to the shoulder, and its lateral half axis is
-    a third longer than Hertz's. Three rows of nodes cannot show all of that (5.2 mm of 6.1 mm), so
-    half axes are compared with those of the same pressure taken at the nodes.
+    a seventh longer than Hertz's, more where the wheel stands a little nearer to the shoulder.
+    Three rows of nodes cannot show all of that, so half axes are compared with those of the same
+    pressure taken at the nodes.
     """
     changes = {"time.end": 4e-7, "time.output_interval": 2e-7}
     run(Scene.load("flange-transition", **changes), tmp_path / "run", quiet=True)
@@ -136,7 +137,7 @@ def test_row_13_flange_transition_at_rest(tmp_path):
     found, share = rest.found, rest.expected.pressure(rest.at, rest.sides) * rest.patch.areas
     sampled = half_axes(rest.at, share)
     assert found["nodes"][1:3] == pytest.approx(sampled, rel=0.1)
-    assert found["half-space"][2] > 1.2 * found["Hertz"][2]
+    assert found["half-space"][2] > 1.1 * found["Hertz"][2]
     log = (tmp_path / "run" / "run.log").read_text("utf-8")
     assert all(line in log for line in rest.lines())
     pytest.importorskip("matplotlib")
