@@ -10,7 +10,6 @@ import pytest
 import scipy.linalg
 
 from contact.springs import springs
-from contact.tangent import shape_functions
 from workflow import Scene
 from workflow.audit.limits import Limits
 from workflow.model.model import build
@@ -110,8 +109,7 @@ def eigenvalue(friction: float, **changes) -> tuple[float, float]:
     held = np.ones(n)
     for dofs, d in zip(model.supports.dofs, model.supports.directions, strict=True):
         held[3 * dofs + int(np.argmax(d))] = 0.0
-    weight = np.hstack([np.ones((len(s.xi), 1)), -shape_functions(s.xi)])
-    for nodes, w, normal, m in zip(s.nodes, weight, s.normal, s.mass, strict=True):
+    for nodes, w, normal, m in zip(s.nodes, s.weight, s.normal, s.mass, strict=True):
         B = np.zeros((3, n))
         for node, share in zip(nodes, w, strict=True):
             B[:, 3 * local[node] : 3 * local[node] + 3] += share * np.eye(3)
