@@ -65,3 +65,16 @@ def plate_on_plane(friction, **options):
     pair = ContactPair(plate, plane, dt=1e-6, friction=friction, **options)
     n = 3 * len(plate.nodes)
     return plate, pair, state_of(np.zeros(n), np.zeros(n))
+
+
+def tangent_of(pair, state, *skins):
+    """Tangent of a pair over the dofs of its skins, dense and symmetric, shape ``(3 n, 3 n)``."""
+    i, j, blocks = pair.tangent(state)
+    n = sum(len(s.nodes) for s in skins)
+    K = np.zeros((n, 3, n, 3))
+    dof = {int(a): int(b) for s in skins for a, b in zip(s.nodes, s.dofs, strict=True)}
+    row, column = [dof[int(a)] for a in i], [dof[int(a)] for a in j]
+    np.add.at(K, (row, slice(None), column), blocks)
+    K = K.reshape(3 * n, 3 * n)
+    assert np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max()
+    return K

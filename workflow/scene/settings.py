@@ -77,7 +77,8 @@ class Contact(Section):
         ):
             raise ValueError(
                 "contacts: points = 'quadrature': expected method = 'penalty' or "
-                "'implicit-penalty' and no two_pass"
+                f"'implicit-penalty' and no two_pass, got method = {self.method!r}, "
+                f"two_pass = {str(self.two_pass).lower()}"
             )
         if self.two_pass and (implicit or isinstance(self.target, RigidWall)):
             raise ValueError(

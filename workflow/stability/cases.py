@@ -120,7 +120,7 @@ def _axis(
         yield Case(panel, label, "", base, of(value))
 
 
-def _contact_axes() -> Iterator[Case]:
+def _penalty_axes() -> Iterator[Case]:
     face = "contacts.face."
     factors = (0.001, 0.01, 0.1, 0.4, 1, 2, 3, 3.9, 4.1, 6, 10)
     yield from _axis("penalty factor", "slide", factors, lambda p: {face + "penalty": p})
@@ -136,6 +136,11 @@ def _contact_axes() -> Iterator[Case]:
         (0.1, 0.4, 1, 4, 10, 30, 100, 1000),
         lambda p: implicit(p, "face"),
     )
+
+
+def _contact_axes() -> Iterator[Case]:
+    face = "contacts.face."
+    yield from _penalty_axes()
     yield from _axis(
         "step factor",
         "slide",
@@ -266,6 +271,21 @@ def _geometry_axes() -> Iterator[Case]:
         yield Case("float32, shifted by", label, "", "slide", single, {"all": (far, far, far)})
 
 
+def _methods() -> Iterator[Case]:
+    face = "contacts.face."
+    methods: dict[str, dict[str, Any]] = {
+        "penalty 0.4": {},
+        "penalty 2": {face + "penalty": 2.0},
+        **{f"implicit {p}": implicit(p, "face") for p in (1, 10, 100)},
+        "Lagrange": {face + "method": "lagrange"},
+    }
+    for method, own in methods.items():
+        for f in (0.0, 0.1, 0.3, 0.6, 1.0):
+            yield Case(
+                "method × friction", f"{f:g}", method, "slide", {**own, face + "friction": f}
+            )
+
+
 def _pairs() -> Iterator[Case]:
     face = "contacts.face."
     for p in (0.01, 0.4, 1.0, 2.0, 3.9, 6.0):
@@ -287,17 +307,7 @@ def _pairs() -> Iterator[Case]:
         for v in (0, 1, 10, 100, 300):
             keys = {face + "friction": f, **sliding(v)}
             yield Case("friction × sliding speed [m/s]", f"{v:g}", f"{f:g}", "slide", keys)
-    methods: dict[str, dict[str, Any]] = {
-        "penalty 0.4": {},
-        "penalty 2": {face + "penalty": 2.0},
-        **{f"implicit {p}": implicit(p, "face") for p in (1, 10, 100)},
-        "Lagrange": {face + "method": "lagrange"},
-    }
-    for method, own in methods.items():
-        for f in (0.0, 0.1, 0.3, 0.6, 1.0):
-            yield Case(
-                "method × friction", f"{f:g}", method, "slide", {**own, face + "friction": f}
-            )
+    yield from _methods()
     for z in (0.0, 0.3, 0.5, 1.0, 2.0):
         for s in (0.1, 0.5, 0.9, 1.0, 1.1):
             keys = {face + "damping": z, "time.safety": s}
