@@ -8,7 +8,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # one thread per rank: BLAS threads would fight over the cores of the other ranks
 export OMP_NUM_THREADS ?= 1
 
-KERNEL := $(wildcard contact/kernel/*.[ch] contact/kernel/CMakeLists.txt)
+KERNEL := $(wildcard contact/kernel/*.[ch] forms/native/*.[ch] CMakeLists.txt)
 
 .PHONY: help setup demo test test-all lint format clean
 .DEFAULT_GOAL := help

@@ -11,6 +11,7 @@ from forms import elements
 from forms.cells import one_point
 from forms.elasticity import Elastic, full
 from forms.elements import LAWS, Law
+from forms.frame import INTERVAL, TurningFrames
 from forms.kernel import CellIntegral, CellKernel
 from forms.mass import inertia, lumped_mass
 from forms.rank_sums import gathered, own_part
@@ -51,6 +52,22 @@ class Bodies:
     def dofs(self, name: str) -> Dofs:
         """Return the owned dof blocks of the body called ``name``."""
         return self.domain.region_dofs(self.scene.bodies[name].regions)
+
+    def turning_frames(self) -> TurningFrames | None:
+        """Return frames for the bodies that may turn, None if there are none.
+
+        Bodies that share nodes stay in the frame at rest: one of them may be made for small strain.
+        """
+        nodes, source = self.domain.nodes, self.domain.source
+        of = {name: source.nodes(*self.tags(b)) for name, b in self.scene.bodies.items()}
+        turning = []
+        for name, own in of.items():
+            others = [of[other] for other in of if other != name]
+            shared = any(np.intersect1d(own, other).size for other in others)
+            if self.laws[name].rotating and not shared:
+                turning.append(np.flatnonzero(np.isin(nodes, own)).astype(np.int32))
+        damped = any(b.stiffness_damping for b in self.scene.bodies.values())
+        return TurningFrames(self.domain.V, turning, velocity=damped) if turning else None
 
     def lumped_mass(self) -> Array:
         """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
@@ -181,16 +198,28 @@ class InternalForce:
         precision: Type that is computed with, ``float64`` or ``float32``.
         damped: Whether a part of its work is dissipated.
         stored: Forms of the strain energy and of hourglass control, by term of the ledger.
+        frames: Frames in which the form is written, if it is.
+        at_rest: The form for statics, in double precision; ``form`` if not given.
     """
 
     phase = "internal_force"
 
     def __init__(
-        self, form: Any, space: Any, precision: str, *, damped: bool, stored: Mapping[str, Any]
+        self,
+        form: Any,
+        space: Any,
+        precision: str,
+        *,
+        damped: bool,
+        stored: Mapping[str, Any],
+        frames: TurningFrames | None = None,
+        at_rest: Any = None,
     ) -> None:
         self.kernel = CellKernel(form, precision)
         self.comm = space.mesh.comm
+        self.frames = frames
         self.work, self.start = 0.0, np.nan  # stored energy at the first look, see energy
+        self._at_rest = self.kernel if at_rest is None else CellKernel(at_rest)
         self._stored = {name: CellIntegral(energy) for name, energy in stored.items()}
         index_map = space.dofmap.index_map
         self._forces = [la.vector(index_map, 3) for _ in range(2)] if damped else []  # now, before
@@ -199,21 +228,31 @@ class InternalForce:
     def add(self, state: State, force: la.Vector) -> None:
         """Add this rank's cells; the work is that of the elastic and viscous stress together."""
         if not self._forces:
-            self.kernel.add(force)
+            self._add(state, force)
             return
         self._forces.reverse()
         now, before = self._forces
         now.array[:] = 0.0
-        self.kernel.add(now)
+        self._add(state, now)
         force.array[:] += now.array
         if self._t is not None:
             v = state.v.x.array  # what the nodes moved with since then
             self.work -= (state.t - self._t) / 2 * float(now.array @ v + before.array @ v)
         self._t = state.t
 
+    def _add(self, state: State, force: la.Vector) -> None:
+        if self.frames is None:
+            self.kernel.add(force)
+            return
+        if state.step % INTERVAL == 0:
+            self.frames.follow(state.u.x.array)
+        self.frames.enter(state.u.x.array, state.v.x.array)
+        self.kernel.add(self.frames.force)
+        self.frames.release(force.array)
+
     def rest(self, state: State, force: la.Vector) -> None:
-        """Add this rank's cells, the work left aside."""
-        self.kernel.add(force)
+        """Add this rank's cells, the work left aside, in double precision."""
+        self._at_rest.add(force)
 
     def stored(self) -> dict[str, float]:
         """Return strain energy and that of hourglass control [J]; collective."""
@@ -230,12 +269,15 @@ class InternalForce:
         return terms
 
     def memory(self) -> dict[str, Array]:
-        """Return the work on each rank and the energy stored at the start; collective."""
-        return {"work": gathered(self.comm, self.work), "start": np.array(self.start)}
+        """Return work and frames of each rank and the energy stored at the start; collective."""
+        arrays = {"work": gathered(self.comm, self.work), "start": np.array(self.start)}
+        return arrays | ({"turn": self.frames.memory(self.comm)} if self.frames else {})
 
     def restore(self, memory: Mapping[str, Array]) -> None:
         """Go on from what :meth:`memory` returned."""
         self.work, self.start = own_part(self.comm, memory["work"]), float(memory["start"])
+        if self.frames is not None:
+            self.frames.restore(self.comm, memory["turn"])
 
 
 def law(body: Body) -> Law:

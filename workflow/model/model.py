@@ -179,8 +179,18 @@ def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
     if (control := bodies.hourglass_energy(u)) is not None:
         stored["hourglass"] = control
     damped = any(b.stiffness_damping for b in bodies.scene.bodies.values())
-    work = bodies.internal_work(u, w, v)
-    yield InternalForce(-work, V, precision, damped=damped, stored=stored)
+    single = precision == "float32"
+    frames = bodies.turning_frames() if single else None
+    seen = (u, v) if frames is None else (frames.relative, frames.velocity)
+    yield InternalForce(
+        -bodies.internal_work(seen[0], w, seen[1]),
+        V,
+        precision,
+        damped=damped,
+        stored=stored,
+        frames=frames,
+        at_rest=-bodies.internal_work(u, w) if single else None,
+    )
     if (viscous := bodies.viscous_work(u, v, w)) is not None:
         yield InternalForce(-viscous, V, precision, damped=True, stored={})
 

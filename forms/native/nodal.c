@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: LGPL-3.0-or-later */
+#include <stdint.h>
+
+#include "nodal.h"
+
+void nd_relative(int64_t n, const uint8_t *frame, const double *turn, const double *place,
+                 const double *displacement, double *relative)
+{
+  for (int64_t i = 0; i < n; ++i) {
+    const double *R = turn + 9 * frame[i], *X = place + 3 * i, *u = displacement + 3 * i;
+    const double x = X[0] + u[0], y = X[1] + u[1], z = X[2] + u[2];
+    if (frame[i] == 0) { /* at rest: no digit is lost on the way through X */
+      for (int c = 0; c < 3; ++c)
+        relative[3 * i + c] = u[c];
+      continue;
+    }
+    for (int c = 0; c < 3; ++c)
+      relative[3 * i + c] = R[c] * x + R[3 + c] * y + R[6 + c] * z - X[c];
+  }
+}
+
+void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v, double *w)
+{
+  for (int64_t i = 0; i < n; ++i) {
+    const double *R = turn + 9 * frame[i], *a = v + 3 * i;
+    for (int c = 0; c < 3; ++c)
+      w[3 * i + c] = R[c] * a[0] + R[3 + c] * a[1] + R[6 + c] * a[2];
+  }
+}
+
+void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force)
+{
+  for (int64_t i = 0; i < n; ++i) {
+    const double *R = turn + 9 * frame[i];
+    double *f = own + 3 * i;
+    for (int c = 0; c < 3; ++c)
+      force[3 * i + c] += R[3 * c] * f[0] + R[3 * c + 1] * f[1] + R[3 * c + 2] * f[2];
+    f[0] = f[1] = f[2] = 0;
+  }
+}
+
+void nd_stretch(const nd_rows *rows, const double *motion, double *stretch)
+{
+  for (int64_t r = 0; r < rows->n; ++r)
+    for (int32_t e = rows->first[r]; e < rows->first[r + 1]; ++e)
+      for (int c = 0; c < 3; ++c)
+        stretch[3 * r + c] += rows->weight[e] * motion[3 * (int64_t)rows->node[e] + c];
+}
+
+void nd_pull(const nd_rows *rows, const double *pull, double *force)
+{
+  for (int64_t r = 0; r < rows->n; ++r)
+    for (int32_t e = rows->first[r]; e < rows->first[r + 1]; ++e)
+      for (int c = 0; c < 3; ++c)
+        force[3 * (int64_t)rows->node[e] + c] -= rows->weight[e] * pull[3 * r + c];
+}
+
+void nd_moment(const nd_torque *torque, const double *displacement, double *moment)
+{
+  double sum[3] = {0, 0, 0};
+  for (int64_t i = 0; i < torque->k; ++i) {
+    const double *u = displacement + 3 * (int64_t)torque->node[i];
+    for (int c = 0; c < 3; ++c)
+      sum[c] += torque->mass[i] * (torque->place[3 * i + c] + u[c]);
+  }
+  for (int c = 0; c < 3; ++c)
+    moment[c] = sum[c];
+}
+
+double nd_turn(const nd_torque *torque, const double *centre, double scale,
+               const double *displacement, double *force)
+{
+  const double *n = torque->axis;
+  double work = 0;
+  for (int64_t i = 0; i < torque->k; ++i) {
+    const int64_t node = torque->node[i];
+    const double *u = displacement + 3 * node;
+    double *last = torque->last + 3 * i, *f = force + 3 * node, r[3];
+    for (int c = 0; c < 3; ++c)
+      r[c] = torque->mass[i] * (torque->place[3 * i + c] + u[c] - centre[c]);
+    const double turn[3] = {n[1] * r[2] - n[2] * r[1], n[2] * r[0] - n[0] * r[2],
+                            n[0] * r[1] - n[1] * r[0]};
+    for (int c = 0; c < 3; ++c) {
+      work += turn[c] * (u[c] - last[c]);
+      last[c] = u[c];
+      f[c] += scale * turn[c];
+    }
+  }
+  return work;
+}

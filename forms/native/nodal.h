@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: LGPL-3.0-or-later */
+/* Passes over nodes, one trip through memory each: declarations and comments only, cffi reads this
+ * file. Vectors are flat, three components by node; matrices are row by row. */
+
+/* Displacement of nodes in frames that have turned by R: r = R^T (X + u) - X. */
+void nd_relative(int64_t n, const uint8_t *frame, /* [n]     of each node */
+                 const double *turn,              /* [k][9]  rotation of each frame */
+                 const double *place,             /* [n][3]  X                            m */
+                 const double *displacement,      /* [n][3]  u                            m */
+                 double *relative);               /* [n][3]  r                            m */
+
+/* Velocity as such a frame sees it, its own rotation not taken off: w = R^T v. */
+void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v, double *w);
+
+/* Turn the forces on nodes out of their frames and add them: force += R own; own is emptied. */
+void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force);
+
+/* Springs: stretches by nodes, a sparse matrix B by rows, for all three directions alike. */
+typedef struct {
+  int64_t n;            /*       rows */
+  const int32_t *first; /* [n + 1]  first entry of each */
+  const int32_t *node;  /* [..]  node of each entry */
+  const double *weight; /* [..]  its weight */
+} nd_rows;
+
+/* stretch += B motion. */
+void nd_stretch(const nd_rows *rows, const double *motion, double *stretch);
+
+/* force -= B^T pull. */
+void nd_pull(const nd_rows *rows, const double *pull, double *force);
+
+/* A torque on nodes about an axis through their centre of mass. */
+typedef struct {
+  int64_t k;
+  const int32_t *node;  /* [k]    */
+  const double *mass;   /* [k]    kg */
+  const double *place;  /* [k][3] undeformed positions m */
+  const double *axis;   /* [3]    unit vector */
+  double *last;         /* [k][3] displacement at the last call m */
+} nd_torque;
+
+/* Sum of mass times position into moment[3], kg m. */
+void nd_moment(const nd_torque *torque, const double *displacement, double *moment);
+
+/* force += scale m (axis x r) with r from `centre`; return the sum of m (axis x r) . du since the
+ * last call. */
+double nd_turn(const nd_torque *torque, const double *centre, double scale,
+               const double *displacement, double *force);
