@@ -10,6 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import ufl
 
+from forms.nodal import lib, pointer, struct
 from forms.rank_sums import gathered, own_part
 from meshes.arrays import Array, Dofs, Index
 from meshes.quads import nodal_areas
@@ -123,30 +124,30 @@ class DriveTorque:
     torque: float
     ramp: float
     work: float = 0.0
-    _last: tuple[float, Array] | None = field(default=None, repr=False)
+    _before: float | None = field(default=None, repr=False)  # torque over inertia, at the last step
 
     def __post_init__(self) -> None:
-        self._index = 3 * self.dofs.astype(np.int64) + np.arange(3)[:, None]
-        nx, ny, nz = self.axis
-        self._cross = np.array([[0, -nz, ny], [nz, 0, -nx], [-ny, nx, 0]])
-        self._places = np.ascontiguousarray(self.reference.T)
-        self._u, self._arm, self._turn = (np.zeros(self._index.shape) for _ in range(3))
         self.total = float(self.comm.allreduce(self.mass.sum()))
-        self._swing()
-        inertia = self._turn**2 / self.mass  # of m n × r
-        self.inertia = float(self.comm.allreduce(inertia.sum()))
+        self._arrays = {  # kept for the kernel
+            "node": self.dofs.astype(np.int32),
+            "mass": np.ascontiguousarray(self.mass),
+            "place": np.ascontiguousarray(self.reference),
+            "axis": np.array(self.axis, dtype=float),
+            "last": np.zeros((len(self.dofs), 3)),
+        }
+        self._c = struct("nd_torque", k=len(self.dofs), **self._arrays)
+        centre = self.comm.allreduce((self.mass[:, None] * self.reference).sum(axis=0)) / self.total
+        turn = np.cross(self.axis, self.reference - centre)
+        inertia = float((self.mass[:, None] * turn**2).sum())
+        self.inertia = float(self.comm.allreduce(inertia))
 
-    def _swing(self) -> None:
-        """Set ``_turn`` to ``m n × r`` at the displacement ``_u``, ``r`` from the mean axis."""
-        moment, turn = self._arm, self._turn
-        np.add(self._places, self._u, out=moment)
-        moment *= self.mass
-        centre = moment.sum(axis=1)
+    def _centre(self, u: Array) -> Array:
+        """Return where the centre of mass is at the displacement ``u``, shape ``(3,)`` [m]."""
+        moment = np.zeros(3)
+        lib.nd_moment(self._c, pointer(u), pointer(moment))
         if self.comm.size > 1:
-            self.comm.Allreduce(MPI.IN_PLACE, centre)
-        centre /= self.total
-        moment -= np.multiply.outer(centre, self.mass, out=turn)
-        np.matmul(self._cross, moment, out=turn)
+            self.comm.Allreduce(MPI.IN_PLACE, moment)
+        return moment / self.total
 
     def add(self, state: Any, force: Any) -> None:
         """Add the torque and collect its work (trapezoidal in displacement).
@@ -155,19 +156,12 @@ class DriveTorque:
         torques: ``n ×`` is antisymmetric. The last force is therefore not kept.
         """
         torque = self.torque * (min(1.0, state.t / self.ramp) if self.ramp > 0 else 1.0)
-        scale = torque / self.inertia
-        state.u.x.array.take(self._index, out=self._u, mode="clip")
-        self._swing()
-        if self._last is not None:
-            before, way = self._last
-            np.subtract(self._u, way, out=way)
-            way *= self._turn
-            self.work += (before + scale) / 2 * float(way.sum())
-        else:
-            way = np.empty_like(self._u)
-        self._last, self._u = (scale, self._u), way
-        self._turn *= scale
-        np.add.at(force.array, self._index.ravel(), self._turn.ravel())
+        scale, u = torque / self.inertia, state.u.x.array
+        centre = self._centre(u)
+        work = lib.nd_turn(self._c, pointer(centre), scale, pointer(u), pointer(force.array))
+        if self._before is not None:
+            self.work += (self._before + scale) / 2 * work
+        self._before = scale
 
     def energy(self, state: Any) -> dict[str, float]:
         """Return the work done so far [J]; collective."""

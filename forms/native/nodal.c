@@ -1,7 +1,29 @@
 /* SPDX-License-Identifier: LGPL-3.0-or-later */
+#include <float.h>
+#include <math.h>
 #include <stdint.h>
 
 #include "nodal.h"
+
+int64_t nd_accelerate(int64_t n, const double *per_mass, double *a)
+{
+  int64_t bad = 0;
+  for (int64_t i = 0; i < n; ++i) {
+    a[i] *= per_mass[i];
+    bad += !(fabs(a[i]) <= DBL_MAX);
+  }
+  return bad;
+}
+
+void nd_advance(int64_t n, double dt, const double *load, double *restrict a, double *restrict v,
+                double *restrict u)
+{
+  for (int64_t i = 0; i < n; ++i) {
+    v[i] += dt * a[i];
+    u[i] += dt * v[i];
+    a[i] = load[i];
+  }
+}
 
 void nd_relative(int64_t n, const uint8_t *frame, const double *turn, const double *place,
                  const double *displacement, double *relative)

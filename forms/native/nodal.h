@@ -2,6 +2,12 @@
 /* Passes over nodes, one trip through memory each: declarations and comments only, cffi reads this
  * file. Vectors are flat, three components by node; matrices are row by row. */
 
+/* From forces to accelerations: a *= per_mass; return how many of the n entries are not finite. */
+int64_t nd_accelerate(int64_t n, const double *per_mass, double *a);
+
+/* Kick and drift of n entries over a step, v += dt a, u += dt v, and a = load for the next. */
+void nd_advance(int64_t n, double dt, const double *load, double *a, double *v, double *u);
+
 /* Displacement of nodes in frames that have turned by R: r = R^T (X + u) - X. */
 void nd_relative(int64_t n, const uint8_t *frame, /* [n]     of each node */
                  const double *turn,              /* [k][9]  rotation of each frame */

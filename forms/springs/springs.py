@@ -5,13 +5,16 @@ The kinds differ in the matrix B alone: a node and the other end (:func:`spread`
 nodes (:func:`mean`), a node and a point of a facet (:func:`node_to_facet`).
 """
 
+from typing import Any
+
 from mpi4py import MPI
 
 import dolfinx
 import numpy as np
 from dolfinx import la
-from scipy.sparse import csr_array, eye_array, kron
+from scipy.sparse import csr_array
 
+from forms.nodal import lib, pointer, struct
 from forms.springs.point_masses import PointMasses, damper_work
 from meshes.arrays import Array, Dofs, Index
 
@@ -73,13 +76,9 @@ class Springs:
         places = np.append(place[row], tied), np.append(column, len(self.dofs) + end)
         shape = len(self.rows), len(self.dofs) + len(self.points)
         self.B = csr_array((entries, places), shape=shape)
-        # by component: products with flat vectors take half the time of those with three columns
-        self._stretch = csr_array(kron(self.B, eye_array(3), format="csr"))
-        self._onto = csr_array(self._stretch.T)
-        self._nodes, self._ends = (
-            (3 * block.astype(np.int64)[:, None] + np.arange(3)).ravel()
-            for block in (self.dofs, self.points)
-        )
+        m = len(self.dofs)
+        self._nodes = _rows(self.B[:, :m], self.dofs)
+        self._ends = _rows(self.B[:, m:], self.points)
 
     def stretches(self, *motions: tuple[Array, Array]) -> list[Array]:
         """Return the stretches under each motion, shape ``(n, 3)``.
@@ -90,7 +89,10 @@ class Springs:
             motions: One or two pairs of nodal values ``(3 * n_local,)`` and those of the point
                 masses ``(masses, 3)``.
         """
-        found = [(self._stretch @ self._ends_of(*pair)).reshape(-1, 3) for pair in motions]
+        found = [np.zeros((len(self.rows), 3)) for _ in motions]
+        for stretch, (nodal, points) in zip(found, motions, strict=True):
+            lib.nd_stretch(self._nodes[0], pointer(nodal), pointer(stretch))
+            lib.nd_stretch(self._ends[0], pointer(points), pointer(stretch))
         if self._sums:
             total = self._sums[len(motions)]
             table = total.array.reshape(-1, len(motions), 3)
@@ -104,14 +106,6 @@ class Springs:
         """Return the stretches under one motion, shape ``(n, 3)``; see :meth:`stretches`."""
         return self.stretches((u, points))[0]
 
-    def _ends_of(self, nodal: Array, points: Array) -> Array:
-        """Return the values by column of B, flat."""
-        x, m = np.empty(self._stretch.shape[1]), len(self._nodes)
-        nodal.take(self._nodes, out=x[:m], mode="clip")
-        if m < len(x):
-            points.take(self._ends, out=x[m:], mode="clip")
-        return x
-
     def add(
         self, u: Array, v: Array, masses: PointMasses, force: Array, reaction: Array, dt: float
     ) -> None:
@@ -124,10 +118,8 @@ class Springs:
         else:
             (rate,) = self.stretches((v, masses.v))
             e = damping = self._damping_force(rate)
-        ends, m = self._onto @ e.ravel(), len(self._nodes)
-        np.subtract.at(force, self._nodes, ends[:m])
-        if m < len(ends):
-            np.subtract.at(reaction.reshape(-1), self._ends, ends[m:])
+        lib.nd_pull(self._nodes[0], pointer(e), pointer(force))
+        lib.nd_pull(self._ends[0], pointer(e), pointer(reaction))
         damping, rate = damping[: self.owned], rate[: self.owned]
         if self._before is not None:
             self.dissipation += damper_work(self._before, damping, rate, dt)
@@ -150,7 +142,7 @@ class Springs:
 
     def add_at_points(self, values: Array, out: Array) -> None:
         """Add a value of each spring ``(n, 3)`` to those on each mass, this rank's share."""
-        out.reshape(-1)[self._ends] -= (self._onto @ values.ravel())[len(self._nodes) :]
+        lib.nd_pull(self._ends[0], pointer(values), pointer(out))
 
     def entries(
         self, number: Index, first: int = 0
@@ -199,6 +191,13 @@ class Springs:
         nodal = np.zeros((len(self.dofs), 3))
         np.add.at(nodal, B.col, (weight * factor[at])[:, None] * coefficient[B.row])
         return nodal
+
+
+def _rows(B: "csr_array", number: Dofs) -> tuple[Any, tuple[Array, ...]]:
+    """Return a matrix of stretches as ``nd_rows``, with its columns numbered, and its arrays."""
+    arrays = B.indptr.astype(np.int32), number[B.indices].astype(np.int32), B.data
+    names = "first", "node", "weight"
+    return struct("nd_rows", n=B.shape[0], **dict(zip(names, arrays, strict=True))), arrays
 
 
 def spread(

@@ -61,7 +61,7 @@ def drive_torque(scene: Scene, domain: Domain, mass: Array) -> DriveTorque:
     """
     rolling = scene.rolling
     assert rolling is not None
-    dofs = domain.region_dofs([rolling.driven_region])
+    dofs = np.sort(domain.region_dofs([rolling.driven_region]))  # in the order of memory
     return DriveTorque(
         comm=domain.msh.comm,
         dofs=dofs,

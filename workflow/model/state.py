@@ -20,6 +20,7 @@ class State:
         a: Acceleration at t [m/s²]; the nodal force while the loads add to it [N].
         t: Time [s].
         step: Steps done.
+        not_finite: How many accelerations of this rank are not finite.
     """
 
     u: dolfinx.fem.Function
@@ -27,6 +28,7 @@ class State:
     a: dolfinx.la.Vector
     t: float = 0.0
     step: int = 0
+    not_finite: int = 0
 
 
 class Item(Protocol):

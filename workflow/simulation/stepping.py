@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from forms.loads import DeadLoad
+from forms.nodal import lib, pointer
 from workflow.model.state import Load, State
 from workflow.model.supports import Withheld
 
@@ -93,25 +94,26 @@ def central_difference(
         last: Loads that read the sum of all others, complete on owned dofs, and add to these only.
         resumed: The state is one that was yielded, acceleration included: go on with its kick.
     """
-    u, v, a = state.u.x.petsc_vec, state.v.x.petsc_vec, state.a.petsc_vec
     per_mass = 1.0 / mass.array_r  # a product costs a fifth of a quotient
-    owned = state.a.array[: len(per_mass)]
-    constant = np.zeros_like(state.a.array)
-    if dead is not None:
-        constant[: len(dead)] = dead
+    n = len(per_mass)
+    constant = np.zeros(n) if dead is None else dead
+    vectors = state.a, state.v.x, state.u.x
+    owned = [pointer(x.array[:n]) for x in vectors]
     start, known = not resumed, resumed
+    if not resumed:
+        state.a.array[:n] = constant
     while True:
         if not known:
-            state.a.array[:] = constant
+            state.a.array[n:] = 0.0
             for add in loads:
                 add(state, state.a)
             state.a.scatter_reverse(dolfinx.la.InsertMode.add)
             for add in last:
                 add(state, state.a)
-            owned *= per_mass
+            state.not_finite = lib.nd_accelerate(n, pointer(per_mass), owned[0])
             hold(state.a)
             if start:
-                v.axpy(-dt / 2, a)  # from v at t to v at t - dt/2
+                state.v.x.array[:n] -= dt / 2 * state.a.array[:n]  # from v at t to v at t - dt/2
                 for item in moving:
                     item.back(dt / 2)
                 start = False
@@ -119,10 +121,11 @@ def central_difference(
         known = False
         if state.t > t_end - dt / 2:
             return
-        v.axpy(dt, a)  # kick
-        u.axpy(dt, v)  # drift
+        lib.nd_advance(n, dt, pointer(constant), *owned)  # kick, drift, and a = constant
         for item in moving:
             item.step(dt)
+        for x in vectors:
+            x.petsc_vec.stateIncrease()  # PETSc remembers norms
         state.u.x.scatter_forward()
         state.v.x.scatter_forward()
         state.t += dt
