@@ -146,3 +146,26 @@ double nd_turn(const nd_torque *torque, const double *centre, double scale,
   }
   return work;
 }
+
+double nd_carry(const nd_carried *carried, const double *centre, const double *spin,
+                const double *displacement, double *force)
+{
+  const double square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2];
+  double work = 0;
+  for (int64_t i = 0; i < carried->k; ++i) {
+    const int64_t node = carried->node[i];
+    const double *u = displacement + 3 * node;
+    double *last = carried->last + 3 * i, *before = carried->before + 3 * i, r[3];
+    for (int c = 0; c < 3; ++c)
+      r[c] = carried->place[3 * i + c] + u[c] - centre[c];
+    const double along = spin[0] * r[0] + spin[1] * r[1] + spin[2] * r[2];
+    for (int c = 0; c < 3; ++c) {
+      const double now = carried->mass[i] * (along * spin[c] - square * r[c]);
+      work += (before[c] + now) * (u[c] - last[c]);
+      last[c] = u[c];
+      before[c] = now;
+      force[3 * node + c] += now;
+    }
+  }
+  return work;
+}

@@ -68,3 +68,18 @@ void nd_moment(const nd_torque *torque, const double *displacement, double *mome
  * last call. */
 double nd_turn(const nd_torque *torque, const double *centre, double scale,
                const double *displacement, double *force);
+
+/* Mass that is carried along a rigid motion. */
+typedef struct {
+  int64_t k;
+  const int32_t *node;  /* [k]    */
+  const double *mass;   /* [k]    kg */
+  const double *place;  /* [k][3] undeformed positions                m */
+  double *last;         /* [k][3] displacement at the last call       m */
+  double *before;       /* [k][3] force at the last call              N */
+} nd_carried;
+
+/* force += m w x (w x r) with r from `centre` and spin w; return the sum of (old + new force) . du
+ * since the last call. */
+double nd_carry(const nd_carried *carried, const double *centre, const double *spin,
+                const double *displacement, double *force);

@@ -74,9 +74,17 @@ class Bodies:
         turning = [*self.turning().values()]
         return TurningFrames(self.domain.V, turning, velocity=damped) if turning else None
 
-    def lumped_mass(self) -> Array:
-        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
-        return lumped_mass(self.domain.V, self.dx, self._densities())
+    def lumped_mass(self, *, scaled: bool = True) -> Array:
+        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg].
+
+        Args:
+            scaled: With what mass scaling has added.
+        """
+        if scaled:
+            return lumped_mass(self.domain.V, self.dx, self._densities())
+        entries = self.scene.bodies.values()
+        true: dict[tuple[int, ...], Any] = {self.tags(b): b.material.density for b in entries}
+        return lumped_mass(self.domain.V, self.dx, true)
 
     def inertial_density(self, name: str) -> Any:
         """Return the density of a body, mass scaling counted in, as UFL [kg/m³]."""
