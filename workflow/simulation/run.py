@@ -102,6 +102,7 @@ def run(
             take_up(job, point)
         for job.energy, job.error in steps(job, watch, resumed=point is not None):
             pass
+        store(job)
     return Result(folder, job.summary)
 
 
@@ -134,12 +135,19 @@ def concluded(job: Job) -> Iterator[None]:
         conclude(job)
 
 
+def store(job: Job) -> None:
+    """Write the last samples and all that waits to be written."""
+    if job.sampling is not None:
+        job.sampling.append(job.results)
+    job.results.flush()
+
+
 def conclude(job: Job) -> None:
-    """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
+    """Write what is left and the summary; if it is a full disk that ended the run, say so."""
     model, results, status = job.model, job.results, job.summary["status"]
     try:
-        if job.sampling is not None:
-            job.sampling.append(results)
+        if status != "done":
+            store(job)
         job.summary["expected"] = answers(model, results.folder, status, job.progress.log)
         results.summarise(job.summary)
     except RuntimeError as error:
