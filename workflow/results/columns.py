@@ -85,10 +85,10 @@ def _put(file: h5py.File, item: Item) -> None:
     values = np.asarray(item.values, order="C")  # keeps the shape of a scalar
     space = h5py.h5s.create_simple(values.shape)
     try:
-        data = _create(file, item, space, _plain())
+        data = _create(file, item, space, PLAIN)
     except ValueError:
         del file[item.name]
-        data = _create(file, item, space, _plain())
+        data = _create(file, item, space, PLAIN)
     if values.size:
         data.write(h5py.h5s.ALL, h5py.h5s.ALL, values)
 
@@ -117,22 +117,14 @@ def _create(file: h5py.File, item: Item, space: Any, plan: Any) -> Any:
     """Make a dataset, the groups above it and its attributes."""
     assert item.values is not None
     kind = h5py.h5t.py_create(item.values.dtype, logical=True)
-    above = h5py.h5p.create(h5py.h5p.LINK_CREATE)
-    above.set_create_intermediate_group(True)
-    data = h5py.h5d.create(file.id, item.name.encode(), kind, space, plan, above)
-    attrs = h5py.AttributeManager(h5py.Dataset(data))
+    data = h5py.h5d.create(file.id, item.name.encode(), kind, space, plan, ABOVE)
     for key, value in item.attrs.items():
         if isinstance(value, str):
-            _text(data, key, value)
+            attr = h5py.h5a.create(data, key.encode(), TEXT, SCALAR)
+            attr.write(np.array(value, dtype=h5py.string_dtype()))
         else:
-            attrs[key] = value
+            h5py.AttributeManager(h5py.Dataset(data))[key] = value
     return data
-
-
-def _text(data: Any, key: str, text: str) -> None:
-    kind = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
-    attr = h5py.h5a.create(data, key.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR))
-    attr.write(np.array(text, dtype=h5py.string_dtype()))
 
 
 def _plain() -> Any:
@@ -140,3 +132,15 @@ def _plain() -> Any:
     plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plan.set_obj_track_times(False)
     return plan
+
+
+def _above() -> Any:
+    """Return the plan of a link: the groups above it are made."""
+    plan = h5py.h5p.create(h5py.h5p.LINK_CREATE)
+    plan.set_create_intermediate_group(True)
+    return plan
+
+
+PLAIN, ABOVE = _plain(), _above()
+TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
+SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
