@@ -19,7 +19,7 @@ from workflow.model import Model
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 SPD: Any = PETSc.Mat.Option.SPD
 
-ANCHOR = 1e-9  # of the mean stiffness of a dof: a spring to the ground that holds floating bodies
+ANCHOR = 1e-10  # of the mean stiffness of a dof: a spring to the ground that holds floating bodies
 
 
 class Elastic:

@@ -21,7 +21,7 @@ from workflow.model import Model
 from workflow.simulation.elastic import Elastic
 
 TOGETHER = 32  # springs whose columns are solved for at a time
-TURNED = 0.03  # change of a row, of unit weights and normals, that asks for a new column
+TURNED = 1e-3  # change of a row, of unit weights and normals, that asks for a new column
 ROUNDS = 100  # of the active set, at most; a few are the rule
 
 
@@ -81,7 +81,9 @@ class Surfaces:
                 parts.append((found.gap, found.stiffness))
                 first += side.stack.nc
         gap, stiffness = np.hstack([np.zeros((2, 0)), *parts])
-        return Springs(np.concatenate([np.zeros(0, dtype=int), *number]), vstack(rows).tocsr(), gap, stiffness)
+        return Springs(
+            np.concatenate([np.zeros(0, dtype=int), *number]), vstack(rows).tocsr(), gap, stiffness
+        )
 
     def _rows(self, springs: RestSprings) -> csr_array:
         """Return the gaps by displacements; those of rigid nodes are left out."""
@@ -161,9 +163,7 @@ class Surfaces:
             pulls, overlaps = force < 0.0, ~active & (left < 0.0)
             if not (pulls | overlaps).any():
                 break
-            # the deepest first: where they push, many others part again
-            deep = overlaps & (left <= 0.5 * left[overlaps].min(initial=0.0))
-            active = (active & ~pulls) | deep
+            active = (active & ~pulls) | deepest(left, overlaps, max(TOGETHER, active.sum()))
         return np.maximum(force, 0.0)
 
 
@@ -172,11 +172,20 @@ def first_touch(now: Array, then: Array) -> Flags:
 
     Round bodies that are pressed into each other touch where the overlap was half of the deepest.
     """
-    if now.size and now.min() < 0.0:
-        return np.asarray(now <= 0.5 * now.min())
-    if then.size and then.min() < 0.0:
-        return np.asarray(now == now.min())
-    return np.zeros(len(now), dtype=bool)
+    overlap = min(now.min(initial=0.0), 0.0)
+    if overlap < 0.0:
+        return deepest(now, now <= 0.5 * overlap, TOGETHER)
+    return deepest(now, np.full(len(now), then.min(initial=0.0) < 0.0), 1)
+
+
+def deepest(gap: Array, among: Flags, count: int) -> Flags:
+    """Return the ``count`` springs with the smallest gaps among some.
+
+    Where they push, many others part again, and need no column.
+    """
+    chosen, some = np.zeros(len(gap), dtype=bool), np.flatnonzero(among)
+    chosen[some[np.argsort(gap[some], kind="stable")[:count]]] = True
+    return chosen
 
 
 def _axes(nodes: Index) -> Index:
