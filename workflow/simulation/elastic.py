@@ -19,7 +19,7 @@ from workflow.model import Model
 DIFFERENT: Any = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 SPD: Any = PETSc.Mat.Option.SPD
 
-ANCHOR = 1e-10  # of the mean stiffness of a dof: a spring to the ground that holds floating bodies
+ANCHOR = 1e-4  # all anchors in one direction together, over the mean stiffness of a dof
 
 
 class Elastic:
@@ -30,7 +30,7 @@ class Elastic:
     factor stays sparse, while multigrid needs hundreds of iterations on their stretched cells.
 
     Attributes:
-        anchor: Stiffness of the anchors [N/m].
+        anchor: Stiffness of the anchor of a dof [N/m].
     """
 
     def __init__(self, model: Model, held: npt.NDArray[np.int32]) -> None:
@@ -53,7 +53,7 @@ class Elastic:
             C.setValuesCOO(values)
             K.axpy(1.0, C, structure=DIFFERENT)
         diagonal: Any = K.getDiagonal()
-        self.anchor = ANCHOR * diagonal.sum() / diagonal.getSize()
+        self.anchor = 3 * ANCHOR * diagonal.sum() / diagonal.getSize() ** 2
         rows = (held + 3 * first).astype(PETSc.IntType)
         K.zeroRowsColumns(cast(Any, rows), diag=diagonal.max()[1])
         K.shift(self.anchor)

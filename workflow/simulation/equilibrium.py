@@ -17,10 +17,10 @@ from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.elastic import Elastic
 from workflow.simulation.guards import GuardError
 from workflow.simulation.pressing import Surfaces
+from workflow.simulation.secants import Secants
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift
 LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
-FLOATS = 0.5  # of the forces out of balance that only the anchors of the bodies bear
 
 
 def equilibrium(problem: AtRest, log: Log) -> Solve:
@@ -64,7 +64,8 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
         residual = problem.model.state.a
     raise GuardError(
         f"equilibrium: residual {size:.1e} of the load after {iteration} iterations, expected "
-        f"{tolerance:.0e}; try another equilibrium.approach or more equilibrium.hold"
+        f"{tolerance:.0e}; is every body held or in contact? Try another equilibrium.approach or "
+        "more equilibrium.hold"
     )
 
 
@@ -76,9 +77,11 @@ class Solver:
     """
 
     def __init__(self, problem: AtRest) -> None:
+        self.model = problem.model
         self.elastic = Elastic(problem.model, problem.held)
         self.surfaces = Surfaces(problem.model, self.elastic)
         self.force = np.zeros(self.surfaces.count)
+        self.secants = Secants(problem.model.domain.msh.comm)
         index_map = problem.model.domain.V.dofmap.index_map
         self._load, self._way = (la.vector(index_map, 3) for _ in range(2))
 
@@ -99,6 +102,10 @@ class Solver:
         surfaces.push(springs, force - before, load)
         self.elastic.solve(load, self._way)
         du.array[:] += self._way.array
+        if not np.array_equal(self.force[springs.number] > 0.0, force > 0.0):
+            self.secants.forget()
+        n = self.elastic.n
+        du.array[:n] = self.secants.improved(self.model.state.u.x.array[:n], du.array[:n])
         self.force[:] = 0.0
         self.force[springs.number] = force
 
