@@ -25,9 +25,10 @@ ANCHOR = 1e-4  # all anchors in one direction together, over the mean stiffness 
 class Elastic:
     """Stiffness at the undeformed shape as a Cholesky factor (MUMPS).
 
-    A body that only contact holds has no stiffness of its own, so every dof is anchored to the
-    ground by a spring that is soft beside any contact. Wheel and rail are long and thin, so the
-    factor stays sparse, while multigrid needs hundreds of iterations on their stretched cells.
+    A body that only contact holds has no stiffness of its own. So in a model with contact every
+    dof is anchored to the ground by a spring that is soft beside any contact. Wheel and rail are
+    long and thin, so the factor stays sparse, while multigrid needs hundreds of iterations on their
+    stretched cells.
 
     Attributes:
         anchor: Stiffness of the anchor of a dof [N/m].
@@ -53,7 +54,7 @@ class Elastic:
             C.setValuesCOO(values)
             K.axpy(1.0, C, structure=DIFFERENT)
         diagonal: Any = K.getDiagonal()
-        self.anchor = 3 * ANCHOR * diagonal.sum() / diagonal.getSize() ** 2
+        self.anchor = 3 * ANCHOR * diagonal.sum() / diagonal.getSize() ** 2 if model.pairs else 0.0
         rows = (held + 3 * first).astype(PETSc.IntType)
         K.zeroRowsColumns(cast(Any, rows), diag=diagonal.max()[1])
         K.shift(self.anchor)
@@ -71,7 +72,8 @@ class Elastic:
             forces: On the owned dofs, shape ``(n, m)`` [N].
         """
         m = forces.shape[1]
-        F, U = (PETSc.Mat().createDense(((self.n, None), (None, m)), comm=self.comm) for _ in "FU")
+        sizes: Any = (self.n, None), (None, m)
+        F, U = (PETSc.Mat().createDense(sizes, comm=self.comm) for _ in range(2))
         F.setUp()
         U.setUp()
         array = F.getDenseArray()

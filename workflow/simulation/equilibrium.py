@@ -26,8 +26,15 @@ LEFT = 0.3  # of the work of the forces out of balance at the end of a search, a
 def equilibrium(problem: AtRest, log: Log) -> Solve:
     """Return the static solve of a model at rest; its factor lasts from call to call."""
     solver, tolerance = Solver(problem), problem.settings.tolerance
-    roughly = max(ROUGH, tolerance)
-    return lambda rough: newton(problem, solver, roughly if rough else tolerance, log)
+
+    def solve(rough: bool) -> int:
+        if rough:
+            return newton(problem, solver, max(ROUGH, tolerance), log)
+        used = newton(problem, solver, tolerance, log)
+        check_all_seen(problem.model)
+        return used
+
+    return solve
 
 
 def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int:
@@ -53,7 +60,6 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
         active = sum(p.active for p in model.pairs.values())
         log(f"equilibrium {iteration}: residual {size:.2e}, {active} contact nodes")
         if size <= tolerance:
-            check_all_seen(model)
             return iteration
         if not np.isfinite(size):
             break

@@ -71,19 +71,19 @@ class Surfaces:
 
     def springs(self) -> Springs:
         """Return the springs near touch at the present displacement; collective."""
-        number, first, rows, parts = [], 0, [csr_array((0, 3 * len(self.nodes)))], []
+        first, found = 0, []
         for pair in self.model.pairs.values():
-            for side, found in zip(
-                pair.passes, pair.springs_at_rest(self.model.state), strict=True
-            ):
-                number.append(first + found.number)
-                rows.append(self._rows(found))
-                parts.append((found.gap, found.stiffness))
+            at_rest = pair.springs_at_rest(self.model.state)
+            for side, springs in zip(pair.passes, at_rest, strict=True):
+                found.append((first + springs.number, self._rows(springs), springs))
                 first += side.stack.nc
-        gap, stiffness = np.hstack([np.zeros((2, 0)), *parts])
-        return Springs(
-            np.concatenate([np.zeros(0, dtype=int), *number]), vstack(rows).tocsr(), gap, stiffness
-        )
+        if not found:
+            none = np.zeros(0)
+            return Springs(none.astype(np.int64), self._B[:0], none, none)
+        number, B, parts = zip(*found, strict=True)
+        gap = np.concatenate([part.gap for part in parts])
+        stiffness = np.concatenate([part.stiffness for part in parts])
+        return Springs(np.concatenate(number), vstack(B).tocsr(), gap, stiffness)
 
     def _rows(self, springs: RestSprings) -> csr_array:
         """Return the gaps by displacements; those of rigid nodes are left out."""
@@ -163,7 +163,7 @@ class Surfaces:
             pulls, overlaps = force < 0.0, ~active & (left < 0.0)
             if not (pulls | overlaps).any():
                 break
-            active = (active & ~pulls) | deepest(left, overlaps, max(TOGETHER, active.sum()))
+            active = (active & ~pulls) | deepest(left, overlaps, max(TOGETHER, int(active.sum())))
         return np.maximum(force, 0.0)
 
 

@@ -43,4 +43,6 @@ class Secants:
         changes *= scale[:, None]
         normal = self.comm.allreduce(changes @ changes.T), self.comm.allreduce(changes @ step)
         share = scale * np.linalg.lstsq(*normal, rcond=1e-8)[0]
-        return step - sum(s * (way + change) for s, (way, change) in zip(share, self._past))
+        for part, (way, change) in zip(share, self._past, strict=True):
+            step = step - part * (way + change)
+        return step
