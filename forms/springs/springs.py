@@ -191,7 +191,7 @@ class Springs:
         return nodal
 
 
-def _rows(B: "csr_array", number: Dofs) -> tuple[Any, tuple[Array, ...]]:
+def _rows(B: "csr_array", number: Dofs | Index) -> tuple[Any, tuple[Array, ...]]:
     """Return a matrix of stretches as ``nd_rows``, with its columns numbered, and its arrays."""
     arrays = B.indptr.astype(np.int32), number[B.indices].astype(np.int32), B.data
     names = "first", "node", "weight"
