@@ -41,7 +41,7 @@ def draw(found: dict[str, Any], path: Path) -> list[Path]:
 
 
 def _terms(axes: "Axes", found: dict[str, Any]) -> None:
-    """Step of each term and of all together, and what it would be without any but the cells."""
+    """Terms of the step and their sum; dashed, where a doubling begins to gain too little."""
     rows = found["ranks"]
     ranks = np.array([row["ranks"] for row in rows])
     ideal = 1e6 * rows[0]["step"] / ranks
@@ -75,12 +75,12 @@ def _gain(axes: "Axes", rows: list[dict[str, Any]]) -> None:
     axes.semilogx(
         ranks[1:], gains, "s:", ms=2.5, color=COLOURS["kernel"], label="gain of doubling / 2"
     )
-    axes.axhline(50 * PAYS, color=style.FAINT, ls="--", lw=0.8)
-    axes.set_ylim(0, 105)
+    axes.axhline(50 * PAYS, color=style.FAINT, ls="--", lw=0.8, label=f"a doubling gains {PAYS}")
+    axes.set_ylim(0, 140)  # room for the legend
     _ranks(axes, ranks)
     axes.set_ylabel("[%]")
-    axes.legend(fontsize=6.5)
-    style.letter(axes, "b", f"what ranks gain; dashed: a doubling gains {PAYS}")
+    axes.legend(loc="upper center", ncols=2, fontsize=6.5)
+    style.letter(axes, "b", "what ranks gain")
 
 
 def _exchange(axes: "Axes", rows: list[dict[str, Any]]) -> None:
@@ -93,11 +93,13 @@ def _exchange(axes: "Axes", rows: list[dict[str, Any]]) -> None:
         ("messages_max", "messages in a step", COLOURS["reductions"]),
         ("contact_ranks", "ranks that hold contact", COLOURS["contact"]),
     ):
-        axes.loglog(ranks, [row[key] for row in rows], "o-", ms=2.5, color=colour, label=label)
+        values = [row[key] or np.nan for row in rows]
+        axes.loglog(ranks, values, "o-", ms=2.5, color=colour, label=label)
     _ranks(axes, ranks)
-    axes.set_ylabel("number, most of a rank")
-    axes.legend(fontsize=6.5)
-    style.letter(axes, "c", "partition")
+    axes.set_ylim(1, 30 * max(row["cells_per_rank"] for row in rows))  # room for the legend
+    axes.set_ylabel("number")
+    axes.legend(loc="upper right", ncols=2, fontsize=6.5)
+    style.letter(axes, "c", "partition, the rank with most of each")
 
 
 def _ranks(axes: "Axes", ranks: Any) -> None:
