@@ -94,7 +94,7 @@ def test_bytes_of_a_step():
 def test_step_by_hand():
     """Two slabs: 48 cells, the nodes of the larger, 3 messages, their bytes, contact, one tree."""
     nodes = np.arange(10)
-    contact = ContactShare(5e-6, nodes, surface=30, gathers=2, searches=0.5)
+    contact = ContactShare(5e-6, 0.0, nodes, surface=30, gathers=2, searches=0.5)
     parts = partition.parts_of(block().cells, slabs(2), NODES, 2)
     row = row_of(parts, load(contact, trees=3.0), NETWORK)
     _, sizes = exchanged(parts)
@@ -107,13 +107,13 @@ def test_step_by_hand():
 
 def test_one_rank_talks_to_nobody():
     """No messages, bytes, gathers or reductions: 96 cells, their nodes, calls and contact."""
-    (row,) = rows([1], ContactShare(5e-6, np.arange(10), 30, 2, 0.5))
+    (row,) = rows([1], ContactShare(5e-6, 0.0, np.arange(10), 30, 2, 0.5))
     assert row["step"] == pytest.approx(96e-6 + NODES * 1e-7 + 2e-6 + 5e-6, rel=1e-12)
 
 
 def test_replicated_contact_stops_the_gain():
     """Contact as long as the cells: more ranks gain less and less, and its share only grows."""
-    contact = ContactShare(96e-6, np.arange(10), 30, 1, 0.0)
+    contact = ContactShare(96e-6, 0.0, np.arange(10), 30, 1, 0.0)
     found = judged(rows([1, 2, 4, 8], contact))
     shares = [row["contact_share"] for row in found["ranks"]]
     gains = [row["gain_of_doubling"] for row in found["ranks"][1:]]
@@ -128,7 +128,7 @@ def test_replicated_contact_stops_the_gain():
 
 def test_larger_mesh_by_surface_to_volume():
     """Eight times the cells: eight times the kernel, four times ghosts, bytes and contact."""
-    contact = ContactShare(5e-6, np.arange(10), 30, 1, 0.0)
+    contact = ContactShare(5e-6, 0.0, np.arange(10), 30, 1, 0.0)
     row = rows([2], contact)[0]
     large = refined(row, 8)
     factors = {name: large["terms"][name] / value for name, value in row["terms"].items() if value}

@@ -100,6 +100,8 @@ def measure(
         "contact_nodes": len(load.contact.nodes),
         "contact_surface": load.contact.surface,
         "searches_per_step": load.contact.searches,
+        "contact_seconds": load.contact.seconds,
+        "search_seconds": load.contact.searching,
         "trees_per_step": load.trees,
         "rates": asdict(load.rates),
         "network": asdict(network),
@@ -268,11 +270,15 @@ def write(found: dict[str, Any], path: Path) -> Path:
 def printout(found: dict[str, Any]) -> Iterator[str | Table]:
     """Yield the tables of a scaling, and what they come to."""
     network = found["network"]
+    searching = found["search_seconds"] / max(found["contact_seconds"], 1e-12)
+    cells = ", ".join(f"{k} {1e-6 / s:.1f}" for k, s in found["rates"]["cell"].items())
     yield (
         f"{found['scene']}: {found['cells']} cells, {found['nodes']} nodes; ranks share "
         f"{found['contact_nodes']} contact nodes at a step, {found['contact_surface']} at a search "
-        f"({found['searches_per_step']:.4f} a step); {network['latency'] * 1e6:.1f} µs, "
-        f"{network['bandwidth'] / 1e9:.0f} GB/s; rates of one core of this machine"
+        f"({found['searches_per_step']:.4f} a step, {searching:.0%} of the contact's time); "
+        f"{network['latency'] * 1e6:.1f} µs, "
+        f"{network['bandwidth'] / 1e9:.0f} GB/s; one core of this machine makes "
+        f"{cells} M/s, and {found['rates']['node'] * 1e9:.1f} ns a node"
     )
     yield Table("partition, most of a rank", PARTITION, found["ranks"])
     yield Table("predicted step [µs]", STEP, found["ranks"])
