@@ -120,6 +120,7 @@ def test_replicated_contact_stops_the_gain():
     assert shares == sorted(shares) and gains == sorted(gains, reverse=True)
     assert found["contact_tenth"] == 1 and 1 < found["contact_half"] < 2
     assert found["pays_until"] == 2 and found["ranks"][-1]["largest"] == "contact"
+    assert found["pays_until_without_contact"] is None
     free = judged(rows([1, 2, 4, 8]))
     assert free["contact_half"] is None and free["pays_until"] is None
     steps = [row["step"] for row in free["ranks"]]

@@ -17,6 +17,7 @@ down. Packing, waiting of ranks that are disturbed, and congestion of the networ
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,11 @@ def trees(scene: Scene) -> float:
 
 
 def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
-    """Return partition and predicted step on as many ranks as there are parts."""
+    """Return partition and predicted step on as many ranks as there are parts.
+
+    ``work_imbalance`` is the most time for cells and nodes over its mean, ``shared_imbalance`` what
+    that would be if contact were computed where its nodes are owned.
+    """
     messages, sizes = exchanged(parts)
     compute = {
         "kernel": np.bincount(parts.of_cell, load.of_cell, parts.count),
@@ -144,13 +149,15 @@ def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
     slowest = int(np.argmax(sum((compute | talk).values())))
     terms = {name: float(of_part[slowest]) for name, of_part in (compute | talk).items()}
     terms |= alike(load, parts.count, network)
-    holders = np.unique(parts.owner[load.contact.nodes])
+    held = np.bincount(parts.owner[load.contact.nodes], minlength=parts.count)
     work = compute["kernel"] + compute["update"]
+    shared = work + load.contact.seconds * held / max(held.sum(), 1)
     return {
         "ranks": parts.count,
         "cells_per_rank": float(parts.cells.mean()),
         "imbalance": parts.imbalance,
         "work_imbalance": float(work.max() / work.mean()),
+        "shared_imbalance": float(shared.max() / shared.mean()),
         "owned_max": int(parts.owned.max()),
         "ghosts": int(parts.ghosts.sum()),
         "ghosts_max": int(parts.ghosts.max()),
@@ -158,7 +165,7 @@ def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
         "neighbours_max": int(parts.neighbours.max()),
         "messages_max": int(messages.max()),
         "bytes_max": int(sizes.max()),
-        "contact_ranks": len(holders),
+        "contact_ranks": int((held > 0).sum()),
         "terms": {name: terms[name] for name in TERMS},
         "step": sum(terms.values()),
     }
@@ -209,9 +216,22 @@ def refined(row: dict[str, Any], factor: float) -> dict[str, Any]:
 def judged(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return rows, from one rank up, with what they gain, and where ranks stop paying.
 
-    ``pays_until`` is the last number of ranks before a doubling gains less than ``PAYS``;
-    ``contact_tenth`` and ``contact_half`` are those at which contact takes that part of the step.
+    ``pays_until`` is the last number of ranks before a doubling gains less than ``PAYS``, and
+    ``pays_until_without_contact`` what it would be if contact cost nothing; ``contact_tenth`` and
+    ``contact_half`` are the numbers at which contact takes that part of the step.
     """
+    found = compared(rows)
+    return {
+        "ranks": found,
+        "pays_until": paying(found),
+        "pays_until_without_contact": paying(compared([without_contact(row) for row in rows])),
+        "contact_tenth": reached(found, 0.1),
+        "contact_half": reached(found, 0.5),
+    }
+
+
+def compared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows with speed-up, efficiency, gain of a doubling, share of contact, largest term."""
     found: list[dict[str, Any]] = []
     for before, row in zip([None, *rows], rows, strict=False):
         gain = None
@@ -227,13 +247,21 @@ def judged(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "largest": max(terms, key=terms.__getitem__),
         }
         found.append(row | gained)
-    poor = [k for k, row in enumerate(found) if k and row["gain_of_doubling"] < PAYS]
-    return {
-        "ranks": found,
-        "pays_until": found[poor[0] - 1]["ranks"] if poor else None,
-        "contact_tenth": reached(found, 0.1),
-        "contact_half": reached(found, 0.5),
-    }
+    return found
+
+
+def without_contact(row: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of a step in which contact costs nothing, the most that sharing can give."""
+    terms = row["terms"] | {"contact": 0.0, "gathers": 0.0}
+    return row | {"terms": terms, "step": sum(terms.values())}
+
+
+def paying(rows: list[dict[str, Any]]) -> int | None:
+    """Return the last number of ranks before a doubling gains too little, None if none does."""
+    for before, row in pairwise(rows):
+        if row["gain_of_doubling"] < PAYS:
+            return int(before["ranks"])
+    return None
 
 
 def reached(rows: list[dict[str, Any]], share: float) -> float | None:
@@ -300,6 +328,8 @@ def in_words(found: dict[str, Any]) -> str:
             f"beyond {until} ranks a doubling gains less than {PAYS}: at {poor['ranks']} the "
             f"largest term is {poor['largest']}"
         ]
+    free = found["pays_until_without_contact"]
+    parts.append(f"without contact {'at no number here' if free is None else f'beyond {free}'}")
     for key, share in (("contact_tenth", "10 %"), ("contact_half", "50 %")):
         at = found[key]
         where = "at none of these" if at is None else f"at {at:.0f} ranks"
@@ -320,6 +350,7 @@ PARTITION = (
     Column("cells", "cells_per_rank", ".0f"),
     Column("max/mean", "imbalance", ".3f"),
     Column("work", "work_imbalance", ".3f"),
+    Column("if shared", "shared_imbalance", ".2f"),
     Column("nodes", "owned_max", ".0f"),
     Column("ghosts", "ghosts_max", ".0f"),
     Column("neighbours", "neighbours_max"),

@@ -54,7 +54,7 @@ def _terms(axes: "Axes", found: dict[str, Any]) -> None:
     step = 1e6 * np.array([row["step"] for row in rows])
     axes.loglog(ranks, step, "s-", ms=3.5, lw=1.8, color=style.INK, label="step")
     if found["pays_until"] is not None:
-        axes.axvline(found["pays_until"], color=style.FAINT, ls="--", lw=0.8)
+        axes.axvline(found["pays_until"], ymax=0.8, color=style.FAINT, ls="--", lw=0.8)
     axes.set_ylim(0.1, 60 * step[0])  # room for the legend
     _ranks(axes, ranks)
     axes.set_ylabel("time per step [µs]")
