@@ -56,8 +56,8 @@ class Candidates:
         self.reach = 0.5 * cell if reach is None else float(reach)
         if not (self.reach > 0.0 and np.isfinite(self.reach)):
             raise ValueError(f"reach: expected a positive length, got {reach} m")
-        # a narrow strip of small cells must not make searches frequent
-        self.margin = max(cell, typical_edge(fine, _COMMON), self.reach)
+        # a narrow strip of small cells must not make searches frequent, nor wide ones candidates many
+        self.margin = max((cell * typical_edge(fine, _COMMON)) ** 0.5, cell, self.reach)
         self.forget()
 
     def forget(self) -> None:

@@ -20,7 +20,7 @@ from contact.options import IMPLICIT, Options
 from contact.patches import beside, parted
 from contact.search import Found
 from contact.surface import Surface
-from contact.tangent import shape_functions, stiffness_blocks
+from contact.tangent import RestSprings, shape_functions
 from meshes.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -222,11 +222,6 @@ class Pass:
 
     # ---- statics --------------------------------------------------------------------------
 
-    def soften(self, share: float) -> None:
-        """Make springs ``share`` as stiff as the options say, and forget those that there are."""
-        self._c.per_mass = share * self._per_mass
-        self.contact_state.clear()
-
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].
 
@@ -241,22 +236,29 @@ class Pass:
             return 0.0, -1, np.zeros(3)
         return depth, int(self.stack.node[c]), self.candidates.exchange.xv[c, :3].copy()
 
-    def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
-        """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
+    def springs_at_rest(self, state: State) -> RestSprings:
+        """Return the springs of all candidates in statics, the same on all ranks; collective.
 
         Args:
             state: A state at rest, as for ``add(..., friction=False)``.
-            stick: Add the tangential stiffness of nodes that do not slip.
-
-        Returns:
-            See :func:`contact.tangent.stiffness_blocks`.
         """
         self._update_static(state)
-        h = self.contact_state
-        c = h.touching[: self.active]
-        kn = h.stiffness[c]
-        kt = self.options.tangential * kn if stick else 0.0
-        return stiffness_blocks(*self.joined(c, h), h.normal[c], kn, kt)
+        h, item = self.contact_state, self.candidates.item
+        born = h.stiffness[item]
+        stiffness = np.where(born > 0.0, born, self._stiffness_at_birth())
+        seen = np.isfinite(h.gap[item])
+        c = item[seen].astype(np.int64)
+        return RestSprings(c, *self.joined(c, h), h.normal[c], h.gap[c], stiffness[seen])
+
+    def _stiffness_at_birth(self) -> Array:
+        """Return the normal stiffness that each candidate would begin with [N/m]."""
+        h, near = self.contact_state, self.candidates
+        mass, shared = self.effective_mass(near.found, h)
+        if self.options.method != "modulus-penalty":
+            return self._per_mass * mass
+        moduli = self._foundations()
+        behind = moduli["foundation_c"][near.item], moduli["foundation_t"][h.facet[near.item]]
+        return self.options.penalty * shared * np.minimum(*behind)
 
     def joined(self, c: Index | Index32, state: ContactState) -> tuple[Index, Array]:
         """Return the HexMesh nodes that contacts ``c`` join, and their weights in the gap.

@@ -13,7 +13,8 @@ from contact.friction import Law, as_law
 from contact.one_pass import Pass, Pressed
 from contact.options import IMPLICIT, Options
 from contact.surface import Surface
-from meshes.arrays import Array, Index
+from contact.tangent import RestSprings
+from meshes.arrays import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -167,14 +168,6 @@ class ContactPair:
 
     # ---- statics --------------------------------------------------------------------------
 
-    def soften(self, share: float) -> None:
-        """Make springs ``share`` as stiff as they are in a run, on the way to rest; 1 at its end.
-
-        All contact is forgotten: that of the next search has the new stiffness.
-        """
-        for side in self.passes:
-            side.soften(share)
-
     def penetration(self, state: State, reach: float | None = None) -> tuple[float, int, Array]:
         """Return the deepest penetration [m], its HexMesh node and position ``(3,)`` [m].
 
@@ -187,19 +180,13 @@ class ContactPair:
         found = [side.penetration(state, reach) for side in self.passes]
         return max(found, key=lambda entry: entry[0])
 
-    def tangent(self, state: State, stick: bool = False) -> tuple[Index, Index, Array]:
-        """Return the contact stiffness as triplets of HexMesh nodes, the same on all ranks.
+    def springs_at_rest(self, state: State) -> list[RestSprings]:
+        """Return the springs of each pass in statics, the same on all ranks; collective.
 
         Args:
             state: A state at rest, as for ``add(..., friction=False)``.
-            stick: Add the tangential stiffness of nodes that do not slip.
-
-        Returns:
-            See :func:`contact.tangent.stiffness_blocks`.
         """
-        found = [side.tangent(state, stick) for side in self.passes]
-        rows, columns, blocks = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return rows, columns, blocks
+        return [side.springs_at_rest(state) for side in self.passes]
 
     # ---- energies and resultants ----------------------------------------------------------
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
-from scipy.spatial import cKDTree
 
 from meshes.arrays import Array, Index
 
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
 BRIDGE = 1 / 3  # of the lower of two peaks of pressure: weaker nodes do not join them
 FAINT = 1 / 20  # of the higher peak: a lower one that touches it is no patch of its own
 REACH = 0.75  # of the radii of two nodes' areas together: nearer ones lie on each other
+FEW = 2**16  # pairs of nodes, up to which a tree of them costs more than all their distances
 LINK = 1 / 3  # of its area: what a patch has in common with one that it goes on from
 
 
@@ -189,6 +189,19 @@ def _largest(common: Array, linked: npt.NDArray[np.bool_]) -> int:
     return int(np.argmax(np.where(linked, common, -1.0))) if linked.any() else -1
 
 
+def nearest(points: Array, places: Array) -> tuple[Array, Index]:
+    """Return the distance of each place from the nearest of some points, and which that is."""
+    if len(points) and len(points) * len(places) <= FEW:
+        away = places[:, None] - points
+        square = np.einsum("ijk,ijk->ij", away, away)
+        k = np.argmin(square, axis=1)
+        return np.sqrt(square[np.arange(len(k)), k]), k
+    from scipy.spatial import cKDTree  # a fifteenth of a second to import
+
+    distance, k = cKDTree(points).query(places)
+    return distance, k
+
+
 def _common(last: _Seen, now: _Seen, way: Array) -> tuple[Array, Array]:
     """Return the area that patches have in common [m2] and its share of the one it fills more.
 
@@ -200,7 +213,7 @@ def _common(last: _Seen, now: _Seen, way: Array) -> tuple[Array, Array]:
         (now, last, now.position, moved),
         (last, now, moved, now.position),
     ):
-        distance, k = cKDTree(there).query(here)
+        distance, k = nearest(there, here)
         on = distance <= REACH * (one.radius + other.radius[k])
         area = np.zeros((len(other.identity), len(one.identity)))
         np.add.at(area, (other.patch[k[on]], one.patch[on]), np.pi * one.radius[on] ** 2)

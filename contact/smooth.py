@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from contact._kernel import lib
 from contact.arrays import Index32, struct, view
@@ -57,6 +56,8 @@ def corner_normals(quad: Index32, across: Index32) -> Index32:
         twin = np.argmax(quad[other] == quad[facet, place][:, None], axis=1)
         pairs.append((4 * facet + place, 4 * other + twin))
     i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    from scipy.sparse.csgraph import connected_components  # slow to import, for smooth targets only
+
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(quad.size, quad.size))
     label = connected_components(graph, directed=False)[1]
     return np.asarray(label, dtype=np.int32).reshape(-1, 4)

@@ -1,9 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact stiffness of the touching nodes, for static solves."""
+"""Contact springs of a state at rest, and the stiffness of such springs."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from meshes.arrays import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class RestSprings:
+    """Normal springs of all nodes near the target, whether they touch or not.
+
+    Attributes:
+        number: Contactor node or point of each, shape ``(m,)``.
+        nodes: HexMesh nodes that it joins: contactor, then facet; negative for rigid ones,
+            shape ``(m, n)``.
+        weight: Their weights in the gap, shape ``(m, n)``.
+        normal: Normals of the target, shape ``(m, 3)``.
+        gap: Negative where they touch, shape ``(m,)`` [m].
+        stiffness: That they have or would have on touch, shape ``(m,)`` [N/m].
+    """
+
+    number: Index
+    nodes: Index
+    weight: Array
+    normal: Array
+    gap: Array
+    stiffness: Array
 
 
 def shape_functions(xi: Array) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads that are not springs: dead loads, drive torque, mass-proportional damping."""
+"""Loads that are not springs: dead loads, drive torque, damping by mass, carried mass."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -174,4 +174,67 @@ class DriveTorque:
     def restore(self, memory: Mapping[str, Array]) -> None:
         """Go on from what :meth:`memory` returned."""
         self.torque = float(memory["torque"])
+        self.work = own_part(self.comm, memory["work"])
+
+
+@dataclass
+class CarriedMass:
+    """What added mass takes to follow a rigid rolling motion, ``m ω × (ω × r)``.
+
+    Mass that is added to shorten no step should slow down vibrations, not resist the rolling: a
+    kilogram on the tread of a wheel at 80 km/h would press on the rail with a kilonewton, which
+    this force takes away. Only deviations from the rigid motion then feel the mass.
+
+    Attributes:
+        dofs: Owned dof blocks, shape ``(k,)``.
+        mass: Added mass of each, shape ``(k,)`` [kg].
+        reference: Their reference positions, shape ``(k, 3)`` [m].
+        spin: Angular velocity, zero until the motion is known, shape ``(3,)`` [rad/s].
+        centre: Centre of the rotation at t = 0, shape ``(3,)`` [m].
+        velocity: Its velocity, shape ``(3,)`` [m/s].
+    """
+
+    rest: ClassVar = None
+
+    comm: MPI.Comm
+    dofs: Dofs
+    mass: Array
+    reference: Array
+    spin: Array = field(default_factory=lambda: np.zeros(3))
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    velocity: Array = field(default_factory=lambda: np.zeros(3))
+    work: float = 0.0
+    _began: bool = field(default=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._arrays = {  # kept for the kernel
+            "node": self.dofs.astype(np.int32),
+            "mass": np.ascontiguousarray(self.mass),
+            "place": np.ascontiguousarray(self.reference),
+            "last": np.zeros((len(self.dofs), 3)),
+            "before": np.zeros((len(self.dofs), 3)),
+        }
+        self._c = struct("nd_carried", k=len(self.dofs), **self._arrays)
+
+    def add(self, state: Any, force: Any) -> None:
+        """Add the force and collect its work (trapezoidal in displacement)."""
+        centre = self.centre + state.t * self.velocity
+        u, f = pointer(state.u.x.array), pointer(force.array)
+        work = lib.nd_carry(self._c, pointer(centre), pointer(self.spin), u, f)
+        if self._began:
+            self.work += work / 2
+        self._began = True
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the work done so far [J]; collective."""
+        return {"external_work": self.comm.allreduce(self.work)}
+
+    def memory(self) -> dict[str, Array]:
+        """Return the motion, the same on all ranks, and the work of each; collective."""
+        motion = np.array([self.spin, self.centre, self.velocity])
+        return {"motion": motion, "work": gathered(self.comm, self.work)}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self.spin, self.centre, self.velocity = (row.copy() for row in memory["motion"])
         self.work = own_part(self.comm, memory["work"])

@@ -10,7 +10,8 @@ from forms._nodal import ffi, lib
 
 __all__ = ["lib", "pointer", "struct"]
 
-_TYPES = {"float64": "double[]", "int32": "int32_t[]", "uint8": "uint8_t[]"}
+# by the types themselves: their names take as long as a pass over a thousand nodes
+_TYPES = {np.dtype(t): c for t, c in [("f8", "double[]"), ("i4", "int32_t[]"), ("u1", "uint8_t[]")]}
 
 
 def pointer(a: npt.NDArray[Any]) -> Any:
@@ -19,9 +20,9 @@ def pointer(a: npt.NDArray[Any]) -> Any:
     Raises:
         TypeError: if its type is none of float64, int32 and uint8.
     """
-    kind = _TYPES.get(a.dtype.name)
+    kind = _TYPES.get(a.dtype)
     if kind is None or not a.flags.c_contiguous:
-        raise TypeError(f"array: expected {' or '.join(_TYPES)} in C order, got {a.dtype}")
+        raise TypeError(f"array: expected float64, int32 or uint8 in C order, got {a.dtype}")
     return ffi.from_buffer(kind, a)
 
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from contact import ContactPair, Surface, rigid_plane
+from contact.tangent import stiffness_blocks
 
 RHO_H = 8.0  # mass per area of the test skins [kg/m2]
 
@@ -69,12 +70,20 @@ def plate_on_plane(friction, **options):
 
 def tangent_of(pair, state, *skins):
     """Tangent of a pair over the dofs of its skins, dense and symmetric, shape ``(3 n, 3 n)``."""
-    i, j, blocks = pair.tangent(state)
     n = sum(len(s.nodes) for s in skins)
     K = np.zeros((n, 3, n, 3))
     dof = {int(a): int(b) for s in skins for a, b in zip(s.nodes, s.dofs, strict=True)}
-    row, column = [dof[int(a)] for a in i], [dof[int(a)] for a in j]
-    np.add.at(K, (row, slice(None), column), blocks)
+    for springs in pair.springs_at_rest(state):
+        touch = springs.gap < 0.0
+        i, j, blocks = stiffness_blocks(
+            springs.nodes[touch],
+            springs.weight[touch],
+            springs.normal[touch],
+            springs.stiffness[touch],
+            0.0,
+        )
+        row, column = [dof[int(a)] for a in i], [dof[int(a)] for a in j]
+        np.add.at(K, (row, slice(None), column), blocks)
     K = K.reshape(3 * n, 3 * n)
     assert np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max()
     return K

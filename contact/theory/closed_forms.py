@@ -7,8 +7,6 @@ Sources: K. L. Johnson, Contact Mechanics (1985), equations named in the functio
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ellipe, ellipk
 
 from meshes.arrays import Array
 
@@ -93,6 +91,9 @@ def hertz_ellipse(load: float, radius_x: float, radius_y: float, modulus: float)
         radius_y: The same along y [m].
         modulus: Contact modulus E* [Pa].
     """
+    from scipy.optimize import brentq  # half as long to import as a small scene takes
+    from scipy.special import ellipe, ellipk
+
     _positive(load=load, radius_x=radius_x, radius_y=radius_y, modulus=modulus)
     flat, steep = max(radius_x, radius_y), min(radius_x, radius_y)
     if flat / steep < 1.0 + 1e-7:

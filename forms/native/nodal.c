@@ -61,20 +61,56 @@ void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own
   }
 }
 
-void nd_stretch(const nd_rows *rows, const double *motion, double *stretch)
+static void nd_multiply(const nd_rows *B, int64_t r, const double *motion, double *stretch)
 {
-  for (int64_t r = 0; r < rows->n; ++r)
-    for (int32_t e = rows->first[r]; e < rows->first[r + 1]; ++e)
-      for (int c = 0; c < 3; ++c)
-        stretch[3 * r + c] += rows->weight[e] * motion[3 * (int64_t)rows->node[e] + c];
+  for (int32_t e = B->first[r]; e < B->first[r + 1]; ++e)
+    for (int c = 0; c < 3; ++c)
+      stretch[c] += B->weight[e] * motion[3 * (int64_t)B->node[e] + c];
 }
 
-void nd_pull(const nd_rows *rows, const double *pull, double *force)
+static void nd_transposed(const nd_rows *B, int64_t r, const double *pull, double *force)
 {
-  for (int64_t r = 0; r < rows->n; ++r)
-    for (int32_t e = rows->first[r]; e < rows->first[r + 1]; ++e)
-      for (int c = 0; c < 3; ++c)
-        force[3 * (int64_t)rows->node[e] + c] -= rows->weight[e] * pull[3 * r + c];
+  for (int32_t e = B->first[r]; e < B->first[r + 1]; ++e)
+    for (int c = 0; c < 3; ++c)
+      force[3 * (int64_t)B->node[e] + c] -= B->weight[e] * pull[c];
+}
+
+void nd_stretch(const nd_springs *springs, const double *nodes, const double *points,
+                int64_t stride, double *stretch)
+{
+  for (int64_t r = 0; r < springs->n; ++r) {
+    double *own = stretch + stride * r;
+    own[0] = own[1] = own[2] = 0;
+    nd_multiply(&springs->on_nodes, r, nodes, own);
+    nd_multiply(&springs->on_points, r, points, own);
+  }
+}
+
+double nd_pull(const nd_springs *springs, const double *both, double *force, double *reaction)
+{
+  double work = 0;
+  for (int64_t r = 0; r < springs->n; ++r) {
+    const double *e = both + 6 * r, *rate = e + 3, *k = springs->stiffness + 3 * r;
+    double *before = springs->pull + 3 * r, pull[3];
+    for (int c = 0; c < 3; ++c) {
+      const double *C = springs->damping + (springs->full ? 9 * r + 3 * c : 3 * r + c);
+      const double now = springs->full ? C[0] * rate[0] + C[1] * rate[1] + C[2] * rate[2]
+                                       : C[0] * rate[c];
+      if (r < springs->owned)
+        work += (before[c] + now) * rate[c];
+      before[c] = now;
+      pull[c] = k[c] * e[c] + now;
+    }
+    nd_transposed(&springs->on_nodes, r, pull, force);
+    nd_transposed(&springs->on_points, r, pull, reaction);
+  }
+  return work;
+}
+
+void nd_onto_points(const nd_springs *springs, const double *values, double *out)
+{
+  for (int64_t r = 0; r < springs->n; ++r)
+    nd_transposed(&springs->on_points, r, values + 3 * r, out);
 }
 
 void nd_moment(const nd_torque *torque, const double *displacement, double *moment)
@@ -106,6 +142,29 @@ double nd_turn(const nd_torque *torque, const double *centre, double scale,
       work += turn[c] * (u[c] - last[c]);
       last[c] = u[c];
       f[c] += scale * turn[c];
+    }
+  }
+  return work;
+}
+
+double nd_carry(const nd_carried *carried, const double *centre, const double *spin,
+                const double *displacement, double *force)
+{
+  const double square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2];
+  double work = 0;
+  for (int64_t i = 0; i < carried->k; ++i) {
+    const int64_t node = carried->node[i];
+    const double *u = displacement + 3 * node;
+    double *last = carried->last + 3 * i, *before = carried->before + 3 * i, r[3];
+    for (int c = 0; c < 3; ++c)
+      r[c] = carried->place[3 * i + c] + u[c] - centre[c];
+    const double along = spin[0] * r[0] + spin[1] * r[1] + spin[2] * r[2];
+    for (int c = 0; c < 3; ++c) {
+      const double now = carried->mass[i] * (along * spin[c] - square * r[c]);
+      work += (before[c] + now) * (u[c] - last[c]);
+      last[c] = u[c];
+      before[c] = now;
+      force[3 * node + c] += now;
     }
   }
   return work;

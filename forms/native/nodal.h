@@ -21,19 +21,35 @@ void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const d
 /* Turn the forces on nodes out of their frames and add them: force += R own; own is emptied. */
 void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force);
 
-/* Springs: stretches by nodes, a sparse matrix B by rows, for all three directions alike. */
+/* Stretches by nodes or point masses: a sparse matrix B by rows, for all three directions alike. */
 typedef struct {
-  int64_t n;            /*       rows */
-  const int32_t *first; /* [n + 1]  first entry of each */
-  const int32_t *node;  /* [..]  node of each entry */
-  const double *weight; /* [..]  its weight */
+  const int32_t *first; /* [n + 1]  first entry of each row */
+  const int32_t *node;  /* [..]     node or point mass of each entry */
+  const double *weight; /* [..] */
 } nd_rows;
 
-/* stretch += B motion. */
-void nd_stretch(const nd_rows *rows, const double *motion, double *stretch);
+/* Springs and dampers on such stretches. */
+typedef struct {
+  int64_t n;               /*         rows */
+  int64_t owned;           /*         of them count here, the first ones */
+  int32_t full;            /*         whether dampers are symmetric matrices */
+  nd_rows on_nodes;
+  nd_rows on_points;
+  const double *stiffness; /* [n][3]                                   N/m */
+  const double *damping;   /* [n][3] or [n][3][3]                      N s/m */
+  double *pull;            /* [n][3]  of the dampers, at the last call N */
+} nd_springs;
 
-/* force -= B^T pull. */
-void nd_pull(const nd_rows *rows, const double *pull, double *force);
+/* stretch = B motion, of nodes and point masses together; every `stride` numbers a row. */
+void nd_stretch(const nd_springs *springs, const double *nodes, const double *points,
+                int64_t stride, double *stretch);
+
+/* force -= B^T (k e + c rate), and likewise the reaction on point masses; rows of `both` are e and
+ * rate. Return the sum of (old + new pull of the dampers) . rate over owned rows. */
+double nd_pull(const nd_springs *springs, const double *both, double *force, double *reaction);
+
+/* values of springs on their point masses: out -= B^T values. */
+void nd_onto_points(const nd_springs *springs, const double *values, double *out);
 
 /* A torque on nodes about an axis through their centre of mass. */
 typedef struct {
@@ -52,3 +68,18 @@ void nd_moment(const nd_torque *torque, const double *displacement, double *mome
  * last call. */
 double nd_turn(const nd_torque *torque, const double *centre, double scale,
                const double *displacement, double *force);
+
+/* Mass that is carried along a rigid motion. */
+typedef struct {
+  int64_t k;
+  const int32_t *node;  /* [k]    */
+  const double *mass;   /* [k]    kg */
+  const double *place;  /* [k][3] undeformed positions                m */
+  double *last;         /* [k][3] displacement at the last call       m */
+  double *before;       /* [k][3] force at the last call              N */
+} nd_carried;
+
+/* force += m w x (w x r) with r from `centre` and spin w; return the sum of (old + new force) . du
+ * since the last call. */
+double nd_carry(const nd_carried *carried, const double *centre, const double *spin,
+                const double *displacement, double *force);

@@ -15,7 +15,7 @@ from dolfinx import la
 from scipy.sparse import csr_array
 
 from forms.nodal import lib, pointer, struct
-from forms.springs.point_masses import PointMasses, damper_work
+from forms.springs.point_masses import PointMasses
 from meshes.arrays import Array, Dofs, Index
 
 TAG = 4711  # of the messages that set up the exchange
@@ -61,11 +61,12 @@ class Springs:
         row, dofs, weight = (x[weights[1] >= 0] for x in weights)
         self.comm, self.count = comm, len(point)
         self.rows, self.owned, index_map = _distributed(comm, self.count, np.unique(row))
-        self.point, self.stiffness = point[self.rows], stiffness[self.rows]
-        self.damping = damping[self.rows]
+        self.point = point[self.rows]
+        self.stiffness, self.damping = (
+            np.ascontiguousarray(x[self.rows], dtype=float) for x in (stiffness, damping)
+        )
         self.dissipation = 0.0
-        self._before: Array | None = None
-        self._elastic = bool(stiffness.any())
+        self._began = False
         self._sums = {n: la.vector(index_map, 3 * n) for n in (1, 2)} if index_map else {}
         place = np.full(self.count, -1)
         place[self.rows] = np.arange(len(self.rows))
@@ -76,60 +77,57 @@ class Springs:
         places = np.append(place[row], tied), np.append(column, len(self.dofs) + end)
         shape = len(self.rows), len(self.dofs) + len(self.points)
         self.B = csr_array((entries, places), shape=shape)
+        self._c, self._alive = self._struct()
+        self._both = np.zeros((len(self.rows), 2, 3))
+
+    def _struct(self) -> tuple[Any, Any]:
+        """Return the springs for the native passes, and the arrays that these use."""
         m = len(self.dofs)
-        self._nodes = _rows(self.B[:, :m], self.dofs)
-        self._ends = _rows(self.B[:, m:], self.points)
-
-    def stretches(self, *motions: tuple[Array, Array]) -> list[Array]:
-        """Return the stretches under each motion, shape ``(n, 3)``.
-
-        Collective if a row is on several ranks.
-
-        Args:
-            motions: One or two pairs of nodal values ``(3 * n_local,)`` and those of the point
-                masses ``(masses, 3)``.
-        """
-        found = [np.zeros((len(self.rows), 3)) for _ in motions]
-        for stretch, (nodal, points) in zip(found, motions, strict=True):
-            lib.nd_stretch(self._nodes[0], pointer(nodal), pointer(stretch))
-            lib.nd_stretch(self._ends[0], pointer(points), pointer(stretch))
-        if self._sums:
-            total = self._sums[len(motions)]
-            table = total.array.reshape(-1, len(motions), 3)
-            table[:] = np.stack(found, axis=1)
-            total.scatter_reverse(la.InsertMode.add)
-            total.scatter_forward()
-            found = [table[:, i].copy() for i in range(len(motions))]
-        return found
+        nodes, points = _rows(self.B[:, :m], self.dofs), _rows(self.B[:, m:], self.points)
+        arrays = {
+            "stiffness": self.stiffness,
+            "damping": self.damping,
+            "pull": np.zeros((len(self.rows), 3)),
+        }
+        made = struct("nd_springs", n=len(self.rows), owned=self.owned, **arrays)
+        made.full = int(self.damping.ndim == 3)
+        made.on_nodes, made.on_points = nodes[0][0], points[0][0]
+        return made, (arrays, nodes, points)
 
     def stretch(self, u: Array, points: Array) -> Array:
-        """Return the stretches under one motion, shape ``(n, 3)``; see :meth:`stretches`."""
-        return self.stretches((u, points))[0]
+        """Return the stretches, shape ``(n, 3)``; collective if a row is on several ranks.
+
+        Args:
+            u: Values on the nodes, shape ``(3 * n_local,)``.
+            points: Those on the point masses, shape ``(masses, 3)``.
+        """
+        found = np.zeros((len(self.rows), 3))
+        lib.nd_stretch(self._c, pointer(u), pointer(points), 3, pointer(found))
+        self._complete(found, 1)
+        return found
+
+    def _complete(self, found: Array, motions: int) -> None:
+        """Add up the rows that are on several ranks, in place; collective."""
+        if self._sums:
+            total = self._sums[motions]
+            total.array[:] = found.ravel()
+            total.scatter_reverse(la.InsertMode.add)
+            total.scatter_forward()
+            found[:] = total.array.reshape(found.shape)
 
     def add(
         self, u: Array, v: Array, masses: PointMasses, force: Array, reaction: Array, dt: float
     ) -> None:
         """Add to the nodal ``force`` and to this rank's share of the ``reaction`` on the masses."""
-        if self._elastic:
-            e, rate = self.stretches((u, masses.u), (v, masses.v))
-            damping = self._damping_force(rate)
-            e *= self.stiffness
-            e += damping
-        else:
-            (rate,) = self.stretches((v, masses.v))
-            e = damping = self._damping_force(rate)
-        lib.nd_pull(self._nodes[0], pointer(e), pointer(force))
-        lib.nd_pull(self._ends[0], pointer(e), pointer(reaction))
-        damping, rate = damping[: self.owned], rate[: self.owned]
-        if self._before is not None:
-            self.dissipation += damper_work(self._before, damping, rate, dt)
-        self._before = damping
-
-    def _damping_force(self, rate: Array) -> Array:
-        """Return ``c B v``, shape ``(n, 3)`` [N]."""
-        if self.damping.ndim == 2:
-            return np.asarray(self.damping * rate)
-        return np.asarray(np.einsum("nij,nj->ni", self.damping, rate))
+        both = self._both
+        out = pointer(both)
+        lib.nd_stretch(self._c, pointer(u), pointer(masses.u), 6, out)
+        lib.nd_stretch(self._c, pointer(v), pointer(masses.v), 6, out + 3)
+        self._complete(both, 2)
+        work = lib.nd_pull(self._c, out, pointer(force), pointer(reaction))
+        if self._began:
+            self.dissipation += dt / 2 * work
+        self._began = True
 
     def stored_energy(self, u: Array, points: Array) -> float:
         """This rank's share of the spring energy [J]."""
@@ -142,7 +140,7 @@ class Springs:
 
     def add_at_points(self, values: Array, out: Array) -> None:
         """Add a value of each spring ``(n, 3)`` to those on each mass, this rank's share."""
-        lib.nd_pull(self._ends[0], pointer(values), pointer(out))
+        lib.nd_onto_points(self._c, pointer(values), pointer(out))
 
     def entries(
         self, number: Index, first: int = 0
@@ -197,7 +195,7 @@ def _rows(B: "csr_array", number: Dofs) -> tuple[Any, tuple[Array, ...]]:
     """Return a matrix of stretches as ``nd_rows``, with its columns numbered, and its arrays."""
     arrays = B.indptr.astype(np.int32), number[B.indices].astype(np.int32), B.data
     names = "first", "node", "weight"
-    return struct("nd_rows", n=B.shape[0], **dict(zip(names, arrays, strict=True))), arrays
+    return struct("nd_rows", **dict(zip(names, arrays, strict=True))), arrays
 
 
 def spread(

@@ -4,6 +4,7 @@
 How fast is not asserted: that is what the command itself prints.
 """
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import ufl
 from dolfinx import fem
 
 from forms.elasticity import full, st_venant_kirchhoff
-from workflow.bench import roofline, speed_cases
+from workflow.bench import main_scene, peers, roofline, speed, speed_cases
 from workflow.bench.speed_cases import FORMS, REFERENCE, STEEL
 from workflow.cli import main
 
@@ -57,7 +58,7 @@ def test_quick_bench_is_complete(quick):
     found, folder = quick
     assert json.loads((folder / "bench.json").read_text()) == found
     parts = {"kernels", "roofline", "steps", "overhead", "contact", "ranks", "host"}
-    assert found["quick"] and parts <= set(found)
+    assert found["quick"] and parts | {"peers", "main_scene"} == set(found) - {"quick", "rounds"}
     for part in parts - {"kernels", "host"}:
         assert found[part] is not None and numbers(found[part])
         assert all(np.isfinite(x) and x > 0 for x in numbers(found[part])), part
@@ -79,6 +80,46 @@ def test_engines_agree_with_dolfinx(quick):
         assert engines["native float64"]["difference"] <= 1e-13
         assert engines["assemble_vector, tuned"]["difference"] <= 1e-13
         assert 1e-13 < engines["native float32"]["difference"] <= 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_phases_of_the_main_scene(quick):
+    """Phases of the same window on 1 and 2 ranks make up the step; all it needs is timed."""
+    found = quick[0]["main_scene"]
+    assert found["scene"] == "flange-transition" and found["cells"] > 10_000
+    assert found["seconds"]["mesh"] > 0 and found["seconds"]["compile"] > 0
+    for ranks in (found["one"], found["two"]):
+        phases = [ranks[p] for p in main_scene.STEPPED]
+        assert all(seconds >= 0 for seconds in phases) and ranks["contact"] > 0
+        assert sum(phases) == pytest.approx(ranks["step"])
+        assert ranks["rate"] == pytest.approx(found["cells"] / ranks["step"])
+        assert 0.2 < ranks["share"] < 1
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_other_codes_do_the_same_job(quick):
+    """Codes that are installed agree with stock to round-off; the others say what to install."""
+    codes = quick[0]["peers"]["codes"]
+    assert {"assemble_vector", "native float64", *peers.MODULES} == set(codes)
+    assert codes["assemble_vector"]["ratio"] == 1.0
+    for name, code in codes.items():
+        if "skipped" in code:
+            assert name in peers.MODULES and code == {"skipped": peers.EXTRA}
+            assert importlib.util.find_spec(peers.MODULES[name]) is None
+        else:
+            assert code["rate"] > 0 and code["difference"] < 1e-11
+
+
+def test_a_code_that_is_not_installed_is_skipped(monkeypatch):
+    """Word of what to install in place of numbers, in the printout as well."""
+    monkeypatch.setattr(peers, "MODULES", dict.fromkeys(peers.MODULES, "no_such_module"))
+    found = peers.measure(2, 1)
+    assert found["codes"]["JAX"] == {"skipped": peers.EXTRA}
+    assert found["codes"]["native float64"]["difference"] < 1e-13
+    lines = [part for part in speed._peers(found) if isinstance(part, str)]
+    assert lines == [f"{name}: {peers.EXTRA}" for name in peers.MODULES]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import os
 import platform
 import shlex
 import subprocess
+import sys
 import sysconfig
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
@@ -22,7 +23,7 @@ from dolfinx import jit
 
 from forms import kernel
 from forms.simd import native
-from workflow.bench import roofline
+from workflow.bench import main_scene, roofline
 from workflow.bench import speed_cases as cases
 from workflow.bench.speed_figure import draw
 from workflow.results.table import Column, Table
@@ -62,6 +63,10 @@ def measure(out: Path, quick: bool, log: Callable[[str], Any] = lambda line: Non
     found["contact"] = cases.contact([6, 12] if quick else [10, 20, 40], count)
     log("steps on 1 and 2 ranks")
     found["ranks"] = ranks(sizes[-1], 1 if quick else 3)
+    log("other codes on the same job")
+    found["peers"] = others(8 if quick else 24, count)
+    log(f"main scene, {main_scene.SCENE}: at rest once, then steps on 1 and 2 ranks")
+    found["main_scene"] = main_scene.measure(quick, 1 if quick else 3, log)
     out.mkdir(parents=True, exist_ok=True)
     (out / "bench.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     draw(found, out / "bench.png")
@@ -125,6 +130,16 @@ def ranks(n: int, count: int) -> dict[str, Any] | None:
     }
 
 
+def others(n: int, count: int) -> dict[str, Any] | None:
+    """Return what :func:`workflow.bench.peers.measure` finds in a process of its own, or None."""
+    words = [sys.executable, "-m", "workflow.bench.peers", str(n), str(count)]
+    try:
+        done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=TIMEOUT)
+    except (subprocess.SubprocessError, OSError):
+        return None
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
 def printout(found: dict[str, Any]) -> Iterator[str | Table]:
     """Yield the lines and tables of a bench."""
     h = found["host"]
@@ -153,6 +168,8 @@ def printout(found: dict[str, Any]) -> Iterator[str | Table]:
     yield from _overhead(found["overhead"], found["ranks"])
     title = "contact with friction, searches counted in"
     yield Table(title, CONTACT, found["contact"]["sizes"])
+    yield from _peers(found["peers"])
+    yield from _main_scene(found["main_scene"])
 
 
 KERNEL = (
@@ -178,6 +195,45 @@ CONTACT = (
     Column("none in reach µs", "fixed", ".3g", factor=1e6),
     Column("µs per node and step", "per_node", ".3g", factor=1e6),
 )
+
+
+PEER = (
+    Column("code", "code", words=True),
+    Column("M/s", "rate", ".3g", factor=1e-6),
+    Column("times assemble_vector", "ratio", ".3g"),
+    Column("error", "difference", ".0e"),
+)
+PHASE = (
+    Column("phase", "phase", words=True),
+    Column("1 rank, ms a step", "one", ".3f", factor=1e3),
+    Column("2 ranks", "two", ".3f", factor=1e3),
+)
+
+
+def _peers(found: dict[str, Any] | None) -> Iterator[str | Table]:
+    """Yield the table of other codes, and a line for each that was skipped."""
+    if found is None:
+        yield "other codes: could not be run"
+        return
+    codes = found["codes"].items()
+    rows = [{"code": name} | row for name, row in codes if "skipped" not in row]
+    yield Table(f"{cases.REFERENCE}, {found['cells']} cells, other codes", PEER, rows)
+    yield from (f"{name}: {row['skipped']}" for name, row in codes if "skipped" in row)
+
+
+def _main_scene(found: dict[str, Any] | None) -> Iterator[str | Table]:
+    """Yield the phases of the main scene, and a line of what comes before its steps."""
+    if found is None:
+        yield "main scene: could not be run"
+        return
+    one, two = found["one"], found["two"]
+    rows = [{"phase": p, "one": one[p], "two": two[p]} for p in (*main_scene.STEPPED, "step")]
+    yield Table(f"{found['scene']}, {found['cells']} cells, {found['steps']} steps", PHASE, rows)
+    made = ", ".join(f"{phase} {value:.1f} s" for phase, value in found["seconds"].items())
+    yield (
+        f"made once on one rank: {made}; {one['rate'] / 1e6:.2f} and {two['rate'] / 1e6:.2f} M/s, "
+        f"ratio {found['ratio']:.2f}; internal force {one['share']:.0%} of a step"
+    )
 
 
 def _overhead(over: dict[str, Any], ranks: dict[str, Any] | None) -> Iterator[str]:

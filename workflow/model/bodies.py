@@ -53,25 +53,38 @@ class Bodies:
         """Return the owned dof blocks of the body called ``name``."""
         return self.domain.region_dofs(self.scene.bodies[name].regions)
 
-    def turning_frames(self) -> TurningFrames | None:
-        """Return frames for the bodies that may turn, None if there are none.
+    def turning(self) -> dict[str, Dofs]:
+        """Return the local dof blocks, ghosts too, of each body that has a frame of its own.
 
-        Bodies that share nodes stay in the frame at rest: one of them may be made for small strain.
+        These are the bodies whose law is made for rotation. Those that share nodes with others
+        stay in the frame at rest: the other one may be made for small strain.
         """
         nodes, source = self.domain.nodes, self.domain.source
         of = {name: source.nodes(*self.tags(b)) for name, b in self.scene.bodies.items()}
-        turning = []
-        for name, own in of.items():
-            others = [of[other] for other in of if other != name]
-            shared = any(np.intersect1d(own, other).size for other in others)
-            if self.laws[name].rotating and not shared:
-                turning.append(np.flatnonzero(np.isin(nodes, own)).astype(np.int32))
+        count = np.bincount(np.concatenate([*of.values()]))
+        return {
+            name: np.flatnonzero(np.isin(nodes, own)).astype(np.int32)
+            for name, own in of.items()
+            if self.laws[name].rotating and (count[own] == 1).all()
+        }
+
+    def turning_frames(self) -> TurningFrames | None:
+        """Return the frames of the bodies that may turn, None if there are none."""
         damped = any(b.stiffness_damping for b in self.scene.bodies.values())
+        turning = [*self.turning().values()]
         return TurningFrames(self.domain.V, turning, velocity=damped) if turning else None
 
-    def lumped_mass(self) -> Array:
-        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg]."""
-        return lumped_mass(self.domain.V, self.dx, self._densities())
+    def lumped_mass(self, *, scaled: bool = True) -> Array:
+        """Return the lumped mass of every local scalar dof, shape ``(3 * n_local,)`` [kg].
+
+        Args:
+            scaled: With what mass scaling has added.
+        """
+        if scaled:
+            return lumped_mass(self.domain.V, self.dx, self._densities())
+        entries = self.scene.bodies.values()
+        true: dict[tuple[int, ...], Any] = {self.tags(b): b.material.density for b in entries}
+        return lumped_mass(self.domain.V, self.dx, true)
 
     def inertial_density(self, name: str) -> Any:
         """Return the density of a body, mass scaling counted in, as UFL [kg/m³]."""

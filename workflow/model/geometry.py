@@ -144,7 +144,7 @@ def check_profiles(scene: Scene) -> None:
         strips_of(scene)
 
 
-def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> profiles.Profile:
+def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "profiles.Profile":
     """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
     built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
     if name in built_in:
@@ -156,7 +156,7 @@ def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> profil
         raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
 
 
-def profiles_of(mesh: WheelRailMesh) -> tuple[profiles.Profile, profiles.Profile, str]:
+def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profile, str]":
     """Return wheel profile, rail head with its sides, and the rail whose web and foot it gets.
 
     Raises:
@@ -173,7 +173,7 @@ def profiles_of(mesh: WheelRailMesh) -> tuple[profiles.Profile, profiles.Profile
         raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
 
 
-def placement_of(scene: Scene) -> profiles.Placement:
+def placement_of(scene: Scene) -> "profiles.Placement":
     """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
 
     With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.

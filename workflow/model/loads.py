@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads of a scene: gravity and tractions, mass-proportional damping, drive torque."""
+"""Loads of a scene: gravity and tractions, damping by mass, drive torque, carried mass."""
 
 import numpy as np
 import ufl
@@ -7,7 +7,14 @@ from dolfinx import la
 
 from forms.elasticity import exact
 from forms.kernel import CellKernel
-from forms.loads import DeadLoad, DriveTorque, MassDamping, gravity, nodal_traction
+from forms.loads import (
+    CarriedMass,
+    DeadLoad,
+    DriveTorque,
+    MassDamping,
+    gravity,
+    nodal_traction,
+)
 from meshes.arrays import Array
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies
@@ -70,4 +77,21 @@ def drive_torque(scene: Scene, domain: Domain, mass: Array) -> DriveTorque:
         axis=axle(scene),
         torque=0.0,
         ramp=rolling.torque_ramp,
+    )
+
+
+def carried_mass(bodies: Bodies, mass: Array) -> CarriedMass:
+    """Return what the mass that scaling has added to a rolling body takes to roll with it.
+
+    Args:
+        bodies: Bodies of the scene, their densities scaled.
+        mass: Lumped mass of every local dof with it, shape ``(3 * n_local,)`` [kg].
+    """
+    rolling = bodies.scene.rolling
+    assert rolling is not None
+    domain, dofs = bodies.domain, np.sort(bodies.dofs(rolling.body))
+    added = (mass - bodies.lumped_mass(scaled=False))[::3][dofs]
+    dofs, added = dofs[added > 0], added[added > 0]
+    return CarriedMass(
+        domain.msh.comm, dofs, added, domain.V.tabulate_dof_coordinates()[dofs]
     )

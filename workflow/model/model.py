@@ -17,7 +17,7 @@ from forms.springs.connections import Connections
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies, InternalForce
 from workflow.model.geometry import domain_of
-from workflow.model.loads import dead_load, drive_torque, mass_damping
+from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
@@ -163,6 +163,8 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:
         items.append(drive_torque(scene, domain, mass.array))
+    if added is not None and scene.rolling is not None and scene.rolling.speed > 0:
+        items.append(carried_mass(bodies, mass.array))
     if links is not None:
         links.dt = dt
         items.append(links)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import h5py
 import numpy as np
 
 from workflow.report.tables import number
+from workflow.results.batch import opened
 from workflow.results.record import Contact, Record
 from workflow.theory.smooth import applied
 from workflow.theory.wheel_on_rail import weight_on_rail
@@ -99,7 +99,7 @@ def _penetration(record: Record, name: str) -> Iterator[Check]:
 def _cone(record: Record, name: str) -> Iterator[Check]:
     """Compare tangential forces with friction times normal force, node by node."""
     excess, largest = -np.inf, 0.0
-    with h5py.File(record.folder / "results.h5", "r", locking=False) as file:
+    with opened(record.folder / "results.h5") as file:
         for group in file[f"contact/{name}"].values():
             normal = group["normal_force"][:]
             if "friction" not in group or not len(normal):

@@ -6,9 +6,9 @@ from dataclasses import fields
 from functools import partial
 from typing import Any
 
-import h5py
 import numpy as np
 
+from workflow.results.batch import opened
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
 from workflow.results.table import PAIRS, Column, Table
@@ -267,7 +267,7 @@ PATCH = (
 def event_table(record: Record) -> Table | None:
     """Return births, ends, splits and merges of patches as the run told them."""
     rows: list[tuple[Any, ...]] = []
-    with h5py.File(record.folder / "results.h5", "r", locking=False) as file:
+    with opened(record.folder / "results.h5") as file:
         for name, group in file.get("patches", {}).items():
             events = group.get("events", {})
             if "t" in events:

@@ -11,6 +11,7 @@ import contextlib
 import json
 import os
 import shutil
+import sys
 import time
 import zlib
 from collections.abc import Iterator
@@ -99,6 +100,10 @@ def changing(path: Path) -> Iterator[h5py.File]:
 class Pending:
     """A file for h5py whose old bytes stay as they are; what replaces them is held back.
 
+    Args:
+        raw: The file.
+        whole: Hold back new data too: nothing of the file changes.
+
     Attributes:
         size: Length of the file before [bytes].
         writes: Offset and bytes of what is to replace old bytes, in order.
@@ -106,9 +111,10 @@ class Pending:
         error: Why new data could not be written; HDF5 takes no exception from here.
     """
 
-    def __init__(self, raw: BinaryIO) -> None:
+    def __init__(self, raw: BinaryIO, *, whole: bool = False) -> None:
         self._raw = raw
         self.size = self.end = raw.seek(0, os.SEEK_END)
+        self._held = sys.maxsize if whole else self.size
         self.writes: list[tuple[int, bytes]] = []
         self.error: OSError | None = None
         self._at = 0
@@ -132,6 +138,10 @@ class Pending:
         """Read the next bytes as they will be into ``out``; return how many there were."""
         view, start = memoryview(out).cast("B"), self._at
         found = os.preadv(self._raw.fileno(), [view], start)
+        if self._held > self.size:  # data beyond the end is held back
+            whole = max(found, min(len(view), self.end - start))
+            view[found:whole] = bytes(whole - found)
+            found = whole
         for offset, data in self.writes:
             first, last = max(offset, start), min(offset + len(data), start + len(view))
             if first < last:
@@ -142,7 +152,7 @@ class Pending:
     def write(self, data: bytes | memoryview) -> int:
         """Write behind the old end at once, and keep the rest back."""
         view, start = memoryview(data).cast("B"), self._at
-        old = max(0, min(self.size - start, len(view)))
+        old = max(0, min(self._held - start, len(view)))
         if old:
             self.writes.append((start, bytes(view[:old])))
         done = old

@@ -6,7 +6,9 @@ unnamed point field only.
 """
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -14,7 +16,8 @@ import numpy.typing as npt
 
 from meshes.hexmesh import HexMesh
 from workflow.results.atomic import changing
-from workflow.results.columns import create
+from workflow.results.batch import Batch
+from workflow.results.columns import Item, note
 
 FIELDS = ("displacement", "velocity")
 HEXAHEDRON = 12  # VTK cell type
@@ -26,11 +29,13 @@ class FieldWriter:
     """Appends the fields of one output at a time; made and used on rank 0 only.
 
     The file is closed between outputs and never locked, so it can be read, and copied, while the
-    run goes on. The number of steps is raised last: a reader does not see half an output.
+    run goes on. An output is there whole or not at all.
 
     Attributes:
         path: The file.
         nodes: Number of nodes n of the mesh.
+        steps: Number of outputs.
+        last: Time of the last one [s].
     """
 
     def __init__(
@@ -48,17 +53,21 @@ class FieldWriter:
         """
         self.path = Path(path)
         self.nodes = len(source.points)
+        self.steps, self.last = 0, -np.inf
         if resume_at is None or not self.path.exists():
             with h5py.File(self.path, "w", locking=False) as file:
                 write_mesh(file.create_group("VTKHDF"), source)
         else:
             self._cut(resume_at)
+        self.batch = Batch(self.path)
 
     def append(
         self,
         t: float,
         displacement: npt.NDArray[np.floating],
         velocity: npt.NDArray[np.floating],
+        *,
+        wait: bool = False,
     ) -> None:
         """Add one output.
 
@@ -66,6 +75,7 @@ class FieldWriter:
             t: Time, later than the last output [s].
             displacement: Of each HexMesh node, shape ``(n, 3)`` [m].
             velocity: Of each HexMesh node, shape ``(n, 3)`` [m/s].
+            wait: It may be written with later ones, see :mod:`workflow.results.batch`.
 
         Raises:
             ValueError: if a field has another shape or ``t`` is not later.
@@ -74,21 +84,38 @@ class FieldWriter:
         for name, array in values.items():
             if np.shape(array) != (self.nodes, 3):
                 raise ValueError(f"{name}: expected {(self.nodes, 3)}, got {np.shape(array)}")
-        with changing(self.path) as file:
-            root = file["VTKHDF"]
-            if "Steps" not in root:  # not before: VTK refuses a file with steps but none written
-                _open_steps(root, self.nodes)
-            k = int(root["Steps"].attrs["NSteps"])
-            last = root["Steps/Values"][k - 1] if k else -np.inf
-            if not t > last:
-                raise ValueError(f"t: expected later than the last output at {last} s, got {t} s")
-            _resize(root, k + 1, self.nodes)
-            for name, array in values.items():
-                root["PointData"][name][k * self.nodes :] = array
-                root["Steps/PointDataOffsets"][name][k] = k * self.nodes
-            root["Steps/Values"][k] = t
-            root["Steps/NumberOfParts"][k] = 1
-            root["Steps"].attrs["NSteps"] = k + 1
+        if not t > self.last:
+            raise ValueError(f"t: expected later than the last output at {self.last} s, got {t} s")
+        self.batch.add(list(self._step(t, values)))
+        self.last, self.steps = t, self.steps + 1
+        if not wait:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the outputs that wait.
+
+        Raises:
+            OSError: if there is no room; the file is then as it was.
+        """
+        self.batch.flush()
+
+    def _step(self, t: float, values: dict[str, npt.NDArray[np.floating]]) -> Iterator[Item]:
+        """Yield what makes an output; columns are made with the first.
+
+        Not before: VTK refuses a file with steps but none written.
+        """
+        for name, array in values.items():
+            data = np.asarray(array, dtype=np.float32)
+            yield _column(f"PointData/{name}", data, min(self.nodes, CHUNK))
+            yield _column(f"Steps/PointDataOffsets/{name}", np.array([self.steps * self.nodes]))
+        yield _column("Steps/Values", np.array([t], dtype=np.float64))
+        yield _column("Steps/NumberOfParts", np.ones(1, dtype=np.int64))
+        # where the step starts in the static mesh
+        for name in ("PartOffsets", "PointOffsets", "CellDataOffsets/region"):
+            yield _column(f"Steps/{name}", np.zeros(1, dtype=np.int64))
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            yield _column(f"Steps/{name}", np.zeros((1, 1), dtype=np.int64))
+        yield note("VTKHDF/Steps", NSteps=self.steps + 1)
 
     def _cut(self, t: float) -> None:
         """Drop the outputs after ``t`` [s] from the file."""
@@ -99,7 +126,9 @@ class FieldWriter:
                     f"{self.path}: expected {self.nodes} nodes, got {len(root['Points'])}"
                 )
             if "Steps" in root:
-                k = int(np.searchsorted(root["Steps/Values"], t, side="right"))
+                times = root["Steps/Values"][:]
+                self.steps = k = int(np.searchsorted(times, t, side="right"))
+                self.last = float(times[k - 1]) if k else -np.inf
                 root["Steps"].attrs["NSteps"] = k
                 _resize(root, k, self.nodes)
 
@@ -121,19 +150,8 @@ def write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
     root["CellData/region"].attrs["names"] = json.dumps(names)
 
 
-def _open_steps(root: h5py.Group, nodes: int) -> None:
-    """Make the empty, growing datasets of the time steps."""
-    steps = root.create_group("Steps")
-    steps.attrs["NSteps"] = 0
-    create(root, "Steps/Values", (), np.float64, ROWS)
-    # where each step starts in the static mesh: always at zero, the fill value
-    for name in ("PartOffsets", "NumberOfParts", "PointOffsets", "CellDataOffsets/region"):
-        create(root, f"Steps/{name}", (), np.int64, ROWS)
-    for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        create(root, f"Steps/{name}", (1,), np.int64, ROWS)
-    for name in FIELDS:
-        create(root, f"PointData/{name}", (3,), np.float32, min(nodes, CHUNK))
-        create(root, f"Steps/PointDataOffsets/{name}", (), np.int64, ROWS)
+def _column(name: str, values: npt.NDArray[Any], chunk: int = ROWS) -> Item:
+    return Item(f"VTKHDF/{name}", values, {}, chunk)
 
 
 def _resize(root: h5py.Group, steps: int, nodes: int) -> None:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 import h5py
 import numpy as np
 
-from workflow.results import atomic
+from workflow.results import atomic, batch
 from workflow.scene import SceneError
 
 
@@ -102,12 +102,12 @@ def cut(folder: Path, resume: Resume) -> list[str]:
     try:
         cut_results(results, resume)
     except (OSError, KeyError, RuntimeError, ValueError):
-        atomic.journal_of(results).unlink(missing_ok=True)
+        batch.drop(results)
         atomic.copy(folder / "checkpoint" / "results.h5", results)
         cut_results(results, resume)
         lost.append("results.h5 was broken: taken from the checkpoint")
     if fields.exists() and not readable(fields):
-        atomic.journal_of(fields).unlink(missing_ok=True)
+        batch.drop(fields)
         os.replace(fields, fields.with_name("fields.broken.vtkhdf"))
         lost.append(f"fields.vtkhdf was broken: put aside, begins again at t = {resume.t:.6e} s")
     return lost
@@ -116,7 +116,7 @@ def cut(folder: Path, resume: Resume) -> list[str]:
 def readable(path: Path) -> bool:
     """Tell whether the changes of a killed process can be finished and the file be read."""
     try:
-        atomic.finish(path)
+        batch.finish(path)
         with h5py.File(path, "r", locking=False) as file:
             root = file["VTKHDF"]
             whole = "Points" in root
@@ -132,6 +132,7 @@ def readable(path: Path) -> bool:
 def cut_results(path: Path, resume: Resume) -> None:
     """Drop all of ``results.h5`` that was written after the checkpoint."""
     outputs = resume.outputs
+    batch.finish(path)
     with atomic.changing(path) as file:
         for column in file["history"].values():
             if len(column) < outputs:

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Patch table of a result folder: a row for each patch and output, and the list of events."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshes.arrays import Array
-from workflow.results.columns import extend
+from workflow.results.columns import Item, rows
 from workflow.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -97,31 +96,33 @@ def creepages(
     return tuple(creepage_of(patch, contactor, target, way) for patch in footprint.patches)
 
 
-def append_patches(
-    group: Any,
+def patch_rows(
+    table: str,
     output: int,
     t: float,
     footprint: "Footprint",
     identity: npt.NDArray[np.int64],
     motion: "Sequence[Creepage]",
-) -> None:
-    """Add a row for each patch to the table in an HDF5 group."""
-    add, rows = partial(extend, group, chunk=CHUNK), len(identity)
-    add("output", np.full(rows, output), "1", "number of the output")
-    add("t", np.full(rows, t), "s", "time")
-    add("patch", identity, "1", "identity of the patch")
-    for name, column in COLUMNS.items():
+) -> Iterator[Item]:
+    """Yield the columns of the table of an HDF5 file, a row for each patch."""
+    n = len(identity)
+    yield rows(f"{table}/output", np.full(n, output), "1", "number of the output", CHUNK)
+    yield rows(f"{table}/t", np.full(n, t), "s", "time", CHUNK)
+    yield rows(f"{table}/patch", identity, "1", "identity of the patch", CHUNK)
+    for name, column in COLUMNS.items() if n else ():
         pairs = zip(footprint.patches, motion, strict=True)
         values = np.array([column.value(p, c) for p, c in pairs], dtype=np.float64)
-        if rows:
-            add(name, values, column.unit, column.about)
+        yield rows(f"{table}/{name}", values, column.unit, column.about, CHUNK)
 
 
-def append_events(group: Any, events: "Sequence[Event]") -> None:
-    """Add events to the table in an HDF5 group."""
-    add = partial(extend, group, chunk=CHUNK)
+def event_rows(table: str, events: "Sequence[Event]") -> Iterator[Item]:
+    """Yield the columns of the table of events of an HDF5 file."""
     about = "birth, end, split (broke off other) or merge (taken up by other)"
-    add("t", np.array([e.t for e in events], dtype=np.float64), "s", "time")
-    add("patch", np.array([e.patch for e in events], dtype=np.int64), "1", "identity")
-    add("other", np.array([e.other for e in events], dtype=np.int64), "1", "or -1")
-    add("kind", np.array([e.kind for e in events], dtype="S5"), "", about)
+    columns = (
+        ("t", [e.t for e in events], np.float64, "s", "time"),
+        ("patch", [e.patch for e in events], np.int64, "1", "identity"),
+        ("other", [e.other for e in events], np.int64, "1", "or -1"),
+        ("kind", [e.kind for e in events], "S5", "", about),
+    )
+    for name, values, kind, unit, told in columns:
+        yield rows(f"{table}/{name}", np.array(values, dtype=kind), unit, told, CHUNK)

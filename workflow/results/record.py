@@ -9,12 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from meshes.arrays import Array
 from meshes.tags import NAMES, Tag
+from workflow.results.batch import opened
 from workflow.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -96,13 +96,13 @@ class Record:
     @cached_property
     def history(self) -> dict[str, Array]:
         """Columns of the history by name."""
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+        with opened(self.folder / "results.h5") as file:
             return {name: data[:] for name, data in file["history"].items()}
 
     @cached_property
     def contacts(self) -> dict[str, Contact]:
         """Footprints of each pair that touched at all, by name."""
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+        with opened(self.folder / "results.h5") as file:
             found = {name: _contact(group) for name, group in file["contact"].items()}
         return {name: contact for name, contact in found.items() if any(contact.patches)}
 
@@ -110,7 +110,7 @@ class Record:
         """Return the patches of a pair at one output by place; the last output is -1."""
         from workflow.results.patch_nodes import patches_of  # a run without contact has none
 
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+        with opened(self.folder / "results.h5") as file:
             group = file["contact"].get(pair, {})
             outputs = sorted(group, key=int)
             return patches_of(group[outputs[output]]) if outputs else {}
@@ -118,7 +118,7 @@ class Record:
     @cached_property
     def patches(self) -> dict[str, Array]:
         """Columns of the table of patches of the first pair that touched, a row for each patch."""
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+        with opened(self.folder / "results.h5") as file:
             table = file.get(f"patches/{next(iter(self.contacts))}", {})  # older folders have none
             return {name: data[:] for name, data in table.items() if name != "events"}
 
@@ -127,7 +127,7 @@ class Record:
         """The mesh, or None if the run wrote no fields."""
         if not self._fields.exists():
             return None
-        with h5py.File(self._fields, "r", locking=False) as file:
+        with opened(self._fields) as file:
             root = file["VTKHDF"]
             cells = root["Connectivity"][:].reshape(-1, 8)
             region = root["CellData/region"]
@@ -146,7 +146,7 @@ class Record:
         return self._nearest("velocity", t)
 
     def _nearest(self, name: str, t: float) -> Array:
-        with h5py.File(self._fields, "r", locking=False) as file:
+        with opened(self._fields) as file:
             root = file["VTKHDF"]
             n = len(root["Points"])
             if "Steps" not in root or not len(root["Steps/Values"]):
@@ -157,7 +157,7 @@ class Record:
 
     def series(self, name: str) -> Iterator[tuple[float, Array]]:
         """Yield time and nodal values ``(n, 3)`` of ``displacement`` or ``velocity`` by output."""
-        with h5py.File(self._fields, "r", locking=False) as file:
+        with opened(self._fields) as file:
             root = file["VTKHDF"]
             n = len(root["Points"])
             for k, t in enumerate(root["Steps/Values"][:] if "Steps" in root else ()):

@@ -7,9 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
+
+from workflow.results.batch import opened
 
 if TYPE_CHECKING:
     from workflow.results.record import Record
@@ -30,7 +31,7 @@ class Result:
     @property
     def history(self) -> dict[str, npt.NDArray[np.float64]]:
         """Columns of ``/history`` in ``results.h5``."""
-        with h5py.File(self.folder / "results.h5", "r", locking=False) as file:
+        with opened(self.folder / "results.h5") as file:
             return {name: data[:] for name, data in file["history"].items()}
 
     @cached_property

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from meshes.arrays import Array
+from workflow.results.batch import opened
 
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
@@ -104,7 +104,7 @@ def cut(file: Any, rows: int) -> None:
 
 def read(folder: Path) -> Samples | None:
     """Return the samples of a result folder, or None if it has none."""
-    with h5py.File(folder / "results.h5", "r", locking=False) as file:
+    with opened(folder / "results.h5") as file:
         root = file.get("probes")
         if root is None or not len(root["t"]):
             return None

@@ -2,7 +2,7 @@
 """Writer of a result folder: settings, history, contact, fields and summary."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy.typing as npt
 import tomli_w
 
 from meshes.domain import Domain
-from workflow.results import atomic
-from workflow.results.columns import extend
+from workflow.results import atomic, batch
+from workflow.results.columns import Item, note, rows, whole
 from workflow.results.fields import FieldWriter
 from workflow.results.folder import Resume, cut, on_root
-from workflow.results.patches import append_events, append_patches
+from workflow.results.patches import event_rows, patch_rows
 from workflow.results.table import strict
 from workflow.scene import Scene, SceneError
 
@@ -43,6 +43,7 @@ class Results:
         self.folder, self.domain, self.comm = folder, domain, domain.msh.comm
         self.outputs = 0
         self.trackers: dict[str, Any] = {}
+        self.batch: batch.Batch | None = None  # these two on rank 0 only
         self.fields: FieldWriter | None = None
         self.write_fields = scene.output.fields
         self.lost: list[str] = []
@@ -58,7 +59,7 @@ class Results:
         fields = self.folder / "fields.vtkhdf"
         if resume is None:
             for path in (self.folder / "results.h5", fields):
-                atomic.journal_of(path).unlink(missing_ok=True)
+                batch.drop(path)
             with h5py.File(self.folder / "results.h5", "w", locking=False) as file:
                 file.attrs["scene"] = scene.name
                 for name in ("history", "contact", "patches"):
@@ -67,6 +68,7 @@ class Results:
             self.trackers = dict(resume.trackers)
             self.lost = cut(self.folder, resume)
         atomic.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
+        self.batch = batch.Batch(self.folder / "results.h5")
         if self.write_fields:
             t = resume.t if resume else None
             self.fields = FieldWriter(fields, self.domain.source, resume_at=t)
@@ -77,7 +79,7 @@ class Results:
         footprints: Mapping[str, Any],
         motions: Mapping[str, Any],
     ) -> None:
-        """Add one output.
+        """Add one output; it may wait to be written with later ones.
 
         Args:
             history: A row of the history.
@@ -88,57 +90,73 @@ class Results:
             RuntimeError: if it cannot be written; the file is then as it was.
         """
 
-        def change(file: h5py.File) -> None:
+        def record() -> Iterator[Item]:
             for name, value in history.items():
-                extend(file["history"], name, [float(value)], unit(name))
+                yield rows(f"history/{name}", [float(value)], unit(name))
             for name, footprint in footprints.items():
-                self._append_contact(file, name, history["t"], footprint, motions[name])
+                yield from self._contact(name, history["t"], footprint, motions[name])
 
-        self.write(change)
+        self.add(record)
         self.outputs += 1
 
-    def _append_contact(
-        self, file: Any, name: str, t: float, footprint: Any, motion: Sequence[Any]
-    ) -> None:
-        """Add nodes, patches and events of one pair; patches keep their number."""
+    def _contact(
+        self, name: str, t: float, footprint: Any, motion: Sequence[Any]
+    ) -> Iterator[Item]:
+        """Yield nodes, patches and events of one pair; patches keep their number."""
         from contact.patches import Tracker
 
         tracker = self.trackers.setdefault(name, Tracker())
         identity, events = tracker.follow(t, footprint)
-        group = file.require_group(f"contact/{name}/{self.outputs}")
-        group.attrs["t"] = t
+        group = f"contact/{name}/{self.outputs}"
+        yield note(group, t=t)
         arrays = contact_arrays(footprint) | {"patch": identity[footprint.patch]}
         for key, array in arrays.items():
-            data = group.create_dataset(key, data=array)
-            data.attrs["units"] = CONTACT_UNITS[key]
-        table = file.require_group(f"patches/{name}")
-        append_patches(table, self.outputs, t, footprint, identity, motion)
-        append_events(table.require_group("events"), events)
+            yield whole(f"{group}/{key}", array, units=CONTACT_UNITS[key])
+        yield from patch_rows(f"patches/{name}", self.outputs, t, footprint, identity, motion)
+        yield from event_rows(f"patches/{name}/events", events)
 
-    def write(self, change: Callable[[h5py.File], None]) -> None:
-        """Change ``results.h5``, all of it or nothing.
+    def add(self, record: Callable[[], Iterable[Item]]) -> None:
+        """Add what ``record`` returns on rank 0 to ``results.h5``, all of it or nothing.
 
         Raises:
             RuntimeError: if it cannot be written; the file is then as it was.
         """
 
         def work() -> None:
-            with atomic.changing(self.folder / "results.h5") as file:
-                change(file)
+            if self.batch is not None:
+                self.batch.add(list(record()))
 
         on_root(self.comm, self.folder, work)
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
-        """Add displacement and velocity (local arrays) of the whole mesh."""
+        """Add displacement and velocity (local arrays) of the whole mesh; they may wait too."""
         if self.write_fields:
             displacement, velocity = self.domain.gather(u), self.domain.gather(v)
             fields = self.fields
 
             def write() -> None:
                 if fields is not None:
-                    fields.append(t, displacement, velocity)
+                    fields.append(t, displacement, velocity, wait=True)
 
             on_root(self.comm, self.folder, write)
+
+    def flush(self) -> None:
+        """Write all that waits.
+
+        Raises:
+            RuntimeError: if it cannot be written; what waits is kept beside the files.
+        """
+        on_root(self.comm, self.folder, self.settle)
+
+    def settle(self) -> None:
+        """Write all that waits, on rank 0.
+
+        Raises:
+            OSError: if it cannot be written.
+        """
+        for file in (self.batch, self.fields):
+            if file is not None:
+                file.flush()
 
     def summarise(self, summary: Mapping[str, Any]) -> None:
         """Write ``summary.json``."""

@@ -217,7 +217,8 @@ class Time(Section):
 
     ``bound`` is what the step is measured against: the ``assembled`` system with its contact and
     other springs, or the stiffest ``cell``, 20 to 50 % shorter. ``precision`` is that of the
-    internal forces; all else is computed in float64.
+    internal forces in time, those of turning bodies in frames that turn with them; all else, and
+    all statics, is computed in float64.
     """
 
     end: Duration

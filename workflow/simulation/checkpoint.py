@@ -215,6 +215,7 @@ class Keeper:
         if comm.rank == 0:
             arrays["about"] = np.frombuffer(json.dumps(self._about()).encode(), dtype=np.uint8)
             try:
+                self.results.settle()
                 write(self.results.folder, arrays)
             except OSError as caught:
                 error = f"checkpoint not written: {caught}"

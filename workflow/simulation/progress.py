@@ -3,18 +3,16 @@
 
 import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-import rich.console
-import rich.progress as bar
-
 if TYPE_CHECKING:
+    import rich.progress
+
     from workflow.model.model import Model
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 REFRESH = 0.2  # s between updates of the line
 PULSE = 60.0  # s after which the log tells of a run between two outputs
@@ -32,14 +30,19 @@ class Progress:
         self.root = root
         self.lines: list[str] = []  # until there is a folder to write to
         self.file: TextIO | None = None
-        self.console = rich.console.Console(stderr=True, quiet=quiet or not root)
-        self.bar: bar.Progress | None = None
+        self.console: rich.console.Console | None = None
+        if root and not quiet:
+            from rich.console import Console  # slow to import, for nothing in a quiet run
+
+            self.console = Console(stderr=True)
+        self.bar: rich.progress.Progress | None = None
         self.shown = self.told = 0.0
         self.state = ""
 
     def log(self, line: str) -> None:
         """Print a line and keep it in the log."""
-        self.console.print(line, highlight=False, soft_wrap=True)
+        if self.console is not None:
+            self.console.print(line, highlight=False, soft_wrap=True)
         self._keep(line)
 
     def note(self, line: str) -> None:
@@ -68,8 +71,10 @@ class Progress:
         self.dt, self.first, self.last = model.dt, model.state.step, last
         self.log(f"stepping: {last - self.first} steps of {self.dt * 1e9:.1f} ns")
         self.began = self.told = time.perf_counter()
-        if self.console.quiet:
+        if self.console is None:
             return
+        from rich import progress as bar
+
         texts = (bar.TextColumn(f"{{task.fields[{name}]}}") for name in ("clock", "rate", "state"))
         clock, rate, state = texts
         ahead = bar.BarColumn(), bar.TaskProgressColumn(), rate, bar.TimeRemainingColumn()

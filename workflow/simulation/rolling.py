@@ -12,7 +12,7 @@ from dolfinx import la
 
 from forms.elasticity import full
 from forms.kernel import CellKernel
-from forms.loads import DriveTorque
+from forms.loads import CarriedMass, DriveTorque
 from meshes.arrays import Array
 from meshes.domain import Domain
 from meshes.wheel_rail import seats
@@ -53,7 +53,8 @@ def centrifugal(model: Model) -> Array:
     force = np.zeros((model.domain.owned, 3))
     dofs, omega = model.bodies.dofs(rolling.body), spin(model)
     r = model.domain.V.tabulate_dof_coordinates()[dofs] - np.array(model.placement.centre)
-    force[dofs] = -model.mass.array[::3][dofs, None] * np.cross(omega, np.cross(omega, r))
+    mass = model.bodies.lumped_mass(scaled=False)[::3][dofs, None]  # added mass is carried
+    force[dofs] = -mass * np.cross(omega, np.cross(omega, r))
     return force.ravel()
 
 
@@ -78,6 +79,8 @@ def start(model: Model) -> None:
     model.supports(state.v.x)
     state.v.x.scatter_forward()
     for item in model.items:
+        if isinstance(item, CarriedMass):
+            item.spin, item.centre, item.velocity = omega, centre, V
         if isinstance(item, DriveTorque):
             load = sum(pair.normal_resultant[2] for pair in model.pairs.values())
             item.torque = rolling.traction_coefficient * load * model.placement.rolling_radius

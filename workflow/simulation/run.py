@@ -25,6 +25,7 @@ from workflow.simulation.energy import Ledger
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
 from workflow.simulation.summary import answers, output, summarise
+from workflow.simulation.threads import one_per_rank
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
@@ -82,27 +83,55 @@ def run(
     began = time.perf_counter()
     folder = checked(out, comm, resume)
     point = checkpoint.read(folder, comm) if resume else None
-    clock, progress = Clock(), Progress(comm.rank == 0, quiet)
+    progress = Progress(comm.rank == 0, quiet)
+    with one_per_rank() as threads:
+        progress.note(threads)
+        model, clock = made(scene, comm, progress, point, (laws, friction, items))
+        job = prepared(model, clock, progress, folder, point, began)
+        with concluded(job):
+            if point is None:
+                begin(job)
+            else:
+                take_up(job, point)
+            for job.energy, job.error in steps(job, watch, resumed=point is not None):
+                pass
+            store(job)
+    return Result(folder, job.summary)
+
+
+def made(
+    scene: Scene,
+    comm: MPI.Comm,
+    progress: Progress,
+    point: checkpoint.Checkpoint | None,
+    own: tuple[Any, Any, Any],
+) -> tuple[Model, Clock]:
+    """Return the model of a scene, for the checkpoint if there is one, and what its time took."""
+    clock = Clock()
     built = point.as_built(scene) if point else scene  # its mesh may be that of an earlier end
-    model = build(built, comm, progress.log, clock.phase, laws, friction, items)
+    model = build(built, comm, progress.log, clock.phase, *own)
     model.scene = scene
     if point is not None:
         point.fits(model)
     else:
         check_apart(model)
+    return model, clock
+
+
+def prepared(
+    model: Model,
+    clock: Clock,
+    progress: Progress,
+    folder: Path,
+    point: checkpoint.Checkpoint | None,
+    began: float,
+) -> Job:
+    """Return the run of a model into a folder, which is opened."""
     sampling, ledger = sampler(model), Ledger(model)
-    results = Results(folder, scene, model.domain, point.resume() if point else None)
+    results = Results(folder, model.scene, model.domain, point.resume() if point else None)
     progress.keep_in(folder / "run.log", go_on=point is not None)
     keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
-    job = Job(model, results, ledger, sampling, keeper, clock, progress)
-    with concluded(job):
-        if point is None:
-            begin(job)
-        else:
-            take_up(job, point)
-        for job.energy, job.error in steps(job, watch, resumed=point is not None):
-            pass
-    return Result(folder, job.summary)
+    return Job(model, results, ledger, sampling, keeper, clock, progress)
 
 
 def sampler(model: Model) -> "Sampling | None":
@@ -134,12 +163,19 @@ def concluded(job: Job) -> Iterator[None]:
         conclude(job)
 
 
+def store(job: Job) -> None:
+    """Write the last samples and all that waits to be written."""
+    if job.sampling is not None:
+        job.sampling.append(job.results)
+    job.results.flush()
+
+
 def conclude(job: Job) -> None:
-    """Write the last samples and the summary; if it is a full disk that ended the run, say so."""
+    """Write what is left and the summary; if it is a full disk that ended the run, say so."""
     model, results, status = job.model, job.results, job.summary["status"]
     try:
-        if job.sampling is not None:
-            job.sampling.append(results)
+        if status != "done":
+            store(job)
         job.summary["expected"] = answers(model, results.folder, status, job.progress.log)
         results.summarise(job.summary)
     except RuntimeError as error:

@@ -13,6 +13,7 @@ at ``1/T - f`` then shows up at f with ``f T / (1 - f T)`` of its size: 11 % at 
 ``T`` = 10 µs, less below. Steps are 1/50 of a window and less; they are filtered by no more.
 """
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from meshes.domain import Domain
 from meshes.quads import area_shares
 from workflow.model import Model
 from workflow.model.regions import facets, surface_nodes
-from workflow.results.columns import extend
+from workflow.results.columns import Item, note, rows, whole
 from workflow.results.samples import UNITS
 from workflow.results.writer import Results
 from workflow.scene import SceneError
@@ -223,10 +224,10 @@ class Sampling:
             self.force[name].append(contact.close(self.every))
 
     def append(self, results: Results) -> None:
-        """Add to the results what was sampled since the last time; collective."""
+        """Add to the results what was sampled since the last time; collective, as an output."""
         arrays = self.take()
         if results.comm.bcast(len(arrays["t"])):
-            results.write(lambda file: _write(file, self, arrays))
+            results.add(lambda: _record(self, arrays))
 
     def take(self) -> dict[str, npt.NDArray[Any]]:
         """Return the waiting samples by name, whole on rank 0, and count them as written.
@@ -303,51 +304,53 @@ class Sampling:
         return whole if comm.rank == 0 else np.zeros_like(whole)
 
 
-def _write(file: Any, sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -> None:
-    """Add samples to an open results file."""
-    root = file.require_group("probes")
-    if "interval" not in root.attrs:
-        root.attrs["interval"] = sampling.interval
-        root.attrs["about"] = "means over windows of that length [s], t in their middle"
-        _describe_rolling(root, sampling)
-    extend(root, "t", arrays["t"], "s")
+def _record(sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -> Iterator[Item]:
+    """Yield samples as they go into a results file."""
+    about = "means over windows of that length [s], t in their middle"
+    yield note("probes", interval=sampling.interval, about=about, **_rolling(sampling))
+    yield rows("probes/t", arrays["t"], "s")
     points = sampling.model.domain.source.points
     for i, sampler in enumerate(sampling.probes):
-        name, kind = sampler.probe.name, sampler.probe.quantity
-        data = extend(root, f"motion/{name}", arrays["motion"][:, i], UNITS[kind])
-        if "quantity" not in data.attrs:
-            data.attrs["quantity"] = kind
-            data.attrs["nodes"] = len(sampler.nodes)
-            data.attrs["place"] = points[sampler.nodes].mean(axis=0)
-            data.attrs["body"] = body_of(sampling, int(sampler.nodes[0]))
+        name, kind, nodes = sampler.probe.name, sampler.probe.quantity, sampler.nodes
+        yield rows(
+            f"probes/motion/{name}",
+            arrays["motion"][:, i],
+            UNITS[kind],
+            quantity=kind,
+            nodes=len(nodes),
+            place=points[nodes].mean(axis=0).tolist(),
+            body=body_of(sampling, int(nodes[0])),
+        )
     for name in sampling.contacts:
-        group = root.require_group(f"contact/{name}")
-        if "surface" not in group:
-            _describe_surface(group, sampling, name)
+        group = f"probes/contact/{name}"
+        if sampling.written == len(arrays["t"]):  # the first ones
+            yield from _surface(group, sampling, name)
         total, nodal = arrays[f"{name}/total"], arrays[f"{name}/nodal"].astype(np.float32)
-        extend(group, "normal_force", total[:, 0], "N")
-        extend(group, "tangential_force", total[:, 1], "N")
-        extend(group, "nodal/count", arrays[f"{name}/count"], "1")
-        extend(group, "nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
-        extend(group, "nodal/normal_force", nodal[:, :3], "N")
-        extend(group, "nodal/tangential_force", nodal[:, 3:], "N")
+        yield rows(f"{group}/normal_force", total[:, 0], "N")
+        yield rows(f"{group}/tangential_force", total[:, 1], "N")
+        yield rows(f"{group}/nodal/count", arrays[f"{name}/count"], "1")
+        yield rows(f"{group}/nodal/node", arrays[f"{name}/node"].astype(np.int32), "1")
+        yield rows(f"{group}/nodal/normal_force", nodal[:, :3], "N")
+        yield rows(f"{group}/nodal/tangential_force", nodal[:, 3:], "N")
 
 
-def _describe_rolling(root: Any, sampling: Sampling) -> None:
-    """Note how the wheelset turns, so that forces can be brought into its own axes."""
+def _rolling(sampling: Sampling) -> dict[str, Any]:
+    """Return how the wheelset turns, so that forces can be brought into its own axes."""
     model = sampling.model
-    if model.scene.rolling is not None:
-        root.attrs["spin"] = spin(model)
-        root.attrs["centre"] = np.asarray(model.placement.centre, dtype=np.float64)
+    if model.scene.rolling is None:
+        return {}
+    centre = np.asarray(model.placement.centre, dtype=np.float64)
+    return {"spin": spin(model).tolist(), "centre": centre.tolist()}
 
 
-def _describe_surface(group: Any, sampling: Sampling, pair: str) -> None:
-    """Note body, nodes and reference positions of the contactor of a pair."""
+def _surface(group: str, sampling: Sampling, pair: str) -> Iterator[Item]:
+    """Yield body, nodes and reference positions of the contactor of a pair."""
     contactor = sampling.contacts[pair].side.contactor
     order = np.argsort(contactor.nodes)
-    group.attrs["body"] = body_of(sampling, int(contactor.nodes[0]))
-    group["surface/node"] = contactor.nodes[order].astype(np.int32)
-    group["surface/place"] = sampling.model.domain.source.points[contactor.nodes[order]]
+    yield note(group, body=body_of(sampling, int(contactor.nodes[0])))
+    yield whole(f"{group}/surface/node", contactor.nodes[order].astype(np.int32))
+    places = sampling.model.domain.source.points[contactor.nodes[order]]
+    yield whole(f"{group}/surface/place", places)
 
 
 def body_of(sampling: Sampling, node: int) -> str:

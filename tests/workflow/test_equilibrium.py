@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The static solve: contact forces on the compliance, secants, one factorisation."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from dolfinx import la
+
+from workflow import Scene
+from workflow.model import build
+from workflow.scene.settings import Equilibrium
+from workflow.simulation import elastic
+from workflow.simulation.at_rest import AtRest, move
+from workflow.simulation.equilibrium import Solver
+from workflow.simulation.initial import rest
+from workflow.simulation.secants import DEPTH, Secants
+
+
+def test_secants_end_an_affine_map_in_as_many_steps_as_it_has_slow_motions():
+    """Steps ``b − A u`` of a map with three eigenvalues far from 1: exact after three secants."""
+    rng = np.random.default_rng(2)
+    A, b = np.eye(40), rng.normal(size=40)
+    Q = np.linalg.qr(rng.normal(size=(40, 3)))[0]
+    A += Q @ np.diag([-0.9, -0.5, 0.4]) @ Q.T
+    secants, u, sizes = Secants(MPI.COMM_SELF), np.zeros(40), []
+    for _ in range(DEPTH + 2):
+        step = b - A @ u
+        sizes.append(np.linalg.norm(step))
+        u = u + secants.improved(u, step)
+    assert sizes[2] > 1e-3 * sizes[0] and sizes[-1] < 1e-10 * sizes[0]
+
+
+@pytest.fixture
+def solver() -> Solver:
+    """Two bodies that overlap, before the first step."""
+    model = build(Scene.load("hertz", **{"mesh.size": 1e-3}), MPI.COMM_SELF)
+    settings = model.scene.equilibrium or Equilibrium()
+    for body, approach in settings.approach.items():
+        move(model, body, np.array(approach))
+    return Solver(AtRest(model, settings, np.zeros(0)))
+
+
+def test_pressed_springs_push_and_never_pull(solver):
+    """Forces are those of the gaps that they leave behind; all gaps without force are open."""
+    surfaces, springs = solver.surfaces, solver.surfaces.springs()
+    none, load = np.zeros(len(springs.gap)), la.vector(solver._load.index_map, 3)
+    way = np.zeros(3 * len(surfaces.nodes))
+    force = surfaces.pressed(springs, none, way)
+    load.array[:] = 0.0
+    surfaces.push(springs, force, load)
+    u = la.vector(solver._load.index_map, 3)
+    solver.elastic.solve(load, u)
+    gap = springs.gap + springs.B @ surfaces.read(u)
+    assert (force >= 0.0).all() and 0 < (force > 0.0).sum() <= (springs.gap < 0.0).sum()
+    exact = springs.stiffness * np.maximum(0.0, -gap)
+    np.testing.assert_allclose(force, exact, atol=1e-6 * force.max())
+
+
+def test_the_stiffness_is_factorised_once(monkeypatch):
+    """However many iterations and nodes that come and go."""
+    made: list[int] = []
+    whole = elastic.cholesky
+
+    def counted(K):
+        made.append(1)
+        return whole(K)
+
+    monkeypatch.setattr(elastic, "cholesky", counted)
+    model = build(Scene.load("hertz", **{"mesh.size": 1e-3}), MPI.COMM_SELF)
+    assert rest(model) > 1 and len(made) == 1
