@@ -11,7 +11,8 @@ message is one of three rounds with the neighbours: forces to the owners of ghos
 displacements and velocities back, 24 bytes for a node each. A gather brings all ranks the nodes
 near the patch, 48 bytes each, and at a search those of both surfaces. An all-reduce of an array
 takes ``latency · log₂ P``, one of a Python object four times that: count and data, up the tree and
-down. Packing, waiting of ranks that are disturbed, and congestion of the network are left out.
+down. Left out are packing, springs whose nodes lie on several ranks, waiting for ranks that are
+disturbed, and congestion of the network.
 """
 
 import csv
@@ -94,7 +95,16 @@ def measure(
         log(f"{count} parts of {len(mesh.cells)} cells")
         parts = parts_of(mesh.cells, partition(neighbours, count), len(mesh.points), count)
         rows.append(row_of(parts, load, network))
-    found = {
+    found = sizes_of(scene, mesh, load) | {"network": asdict(network)} | judged(rows)
+    if larger is not None:
+        factor = larger / len(mesh.cells)
+        found["extrapolated"] = {"cells": larger, **judged([refined(r, factor) for r in rows])}
+    return found
+
+
+def sizes_of(scene: Scene, mesh: HexMesh, load: Load) -> dict[str, Any]:
+    """Return what the prediction of a scene starts from."""
+    return {
         "scene": scene.name,
         "cells": len(mesh.cells),
         "nodes": len(mesh.points),
@@ -105,13 +115,7 @@ def measure(
         "search_seconds": load.contact.searching,
         "trees_per_step": load.trees,
         "rates": asdict(load.rates),
-        "network": asdict(network),
-        **judged(rows),
     }
-    if larger is not None:
-        factor = larger / len(mesh.cells)
-        found["extrapolated"] = {"cells": larger, **judged([refined(r, factor) for r in rows])}
-    return found
 
 
 def load_of(scene: Scene, mesh: HexMesh, rates: Rates, contact: ContactShare) -> Load:
@@ -146,12 +150,12 @@ def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
         "update": parts.owned * load.rates.node,
     }
     talk = {"messages": messages * network.latency, "bytes": sizes / network.bandwidth}
-    slowest = int(np.argmax(sum((compute | talk).values())))
+    work = compute["kernel"] + compute["update"]
+    slowest = int(np.argmax(work + talk["messages"] + talk["bytes"]))
     terms = {name: float(of_part[slowest]) for name, of_part in (compute | talk).items()}
     terms |= alike(load, parts.count, network)
     held = np.bincount(parts.owner[load.contact.nodes], minlength=parts.count)
-    work = compute["kernel"] + compute["update"]
-    shared = work + load.contact.seconds * held / max(held.sum(), 1)
+    shared = work + load.contact.seconds * held / max(int(held.sum()), 1)
     return {
         "ranks": parts.count,
         "cells_per_rank": float(parts.cells.mean()),
