@@ -56,7 +56,7 @@ class Candidates:
         self.reach = 0.5 * cell if reach is None else float(reach)
         if not (self.reach > 0.0 and np.isfinite(self.reach)):
             raise ValueError(f"reach: expected a positive length, got {reach} m")
-        # a narrow strip of small cells must not make searches frequent, nor wide ones candidates many
+        # with a strip of small cells searches must not be frequent, nor candidates many
         self.margin = max((cell * typical_edge(fine, _COMMON)) ** 0.5, cell, self.reach)
         self.forget()
 

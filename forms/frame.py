@@ -10,7 +10,6 @@ R need not be the body's own rotation to the last digit, so it is taken anew eve
 steps only, by each rank from its own nodes.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 from mpi4py import MPI

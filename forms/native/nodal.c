@@ -5,8 +5,7 @@
 
 #include "nodal.h"
 
-int64_t nd_accelerate(int64_t n, const double *per_mass, double *a)
-{
+int64_t nd_accelerate(int64_t n, const double *per_mass, double *a) {
   int64_t bad = 0;
   for (int64_t i = 0; i < n; ++i) {
     a[i] *= per_mass[i];
@@ -16,8 +15,7 @@ int64_t nd_accelerate(int64_t n, const double *per_mass, double *a)
 }
 
 void nd_advance(int64_t n, double dt, const double *load, double *restrict a, double *restrict v,
-                double *restrict u)
-{
+                double *restrict u) {
   for (int64_t i = 0; i < n; ++i) {
     v[i] += dt * a[i];
     u[i] += dt * v[i];
@@ -26,8 +24,7 @@ void nd_advance(int64_t n, double dt, const double *load, double *restrict a, do
 }
 
 void nd_relative(int64_t n, const uint8_t *frame, const double *turn, const double *place,
-                 const double *displacement, double *relative)
-{
+                 const double *displacement, double *relative) {
   for (int64_t i = 0; i < n; ++i) {
     const double *R = turn + 9 * frame[i], *X = place + 3 * i, *u = displacement + 3 * i;
     const double x = X[0] + u[0], y = X[1] + u[1], z = X[2] + u[2];
@@ -41,8 +38,8 @@ void nd_relative(int64_t n, const uint8_t *frame, const double *turn, const doub
   }
 }
 
-void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v, double *w)
-{
+void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v,
+                    double *w) {
   for (int64_t i = 0; i < n; ++i) {
     const double *R = turn + 9 * frame[i], *a = v + 3 * i;
     for (int c = 0; c < 3; ++c)
@@ -50,8 +47,7 @@ void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const d
   }
 }
 
-void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force)
-{
+void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force) {
   for (int64_t i = 0; i < n; ++i) {
     const double *R = turn + 9 * frame[i];
     double *f = own + 3 * i;
@@ -61,23 +57,20 @@ void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own
   }
 }
 
-static void nd_multiply(const nd_rows *B, int64_t r, const double *motion, double *stretch)
-{
+static void nd_multiply(const nd_rows *B, int64_t r, const double *motion, double *stretch) {
   for (int32_t e = B->first[r]; e < B->first[r + 1]; ++e)
     for (int c = 0; c < 3; ++c)
       stretch[c] += B->weight[e] * motion[3 * (int64_t)B->node[e] + c];
 }
 
-static void nd_transposed(const nd_rows *B, int64_t r, const double *pull, double *force)
-{
+static void nd_transposed(const nd_rows *B, int64_t r, const double *pull, double *force) {
   for (int32_t e = B->first[r]; e < B->first[r + 1]; ++e)
     for (int c = 0; c < 3; ++c)
       force[3 * (int64_t)B->node[e] + c] -= B->weight[e] * pull[c];
 }
 
 void nd_stretch(const nd_springs *springs, const double *nodes, const double *points,
-                int64_t stride, double *stretch)
-{
+                int64_t stride, double *stretch) {
   for (int64_t r = 0; r < springs->n; ++r) {
     double *own = stretch + stride * r;
     own[0] = own[1] = own[2] = 0;
@@ -86,16 +79,15 @@ void nd_stretch(const nd_springs *springs, const double *nodes, const double *po
   }
 }
 
-double nd_pull(const nd_springs *springs, const double *both, double *force, double *reaction)
-{
+double nd_pull(const nd_springs *springs, const double *both, double *force, double *reaction) {
   double work = 0;
   for (int64_t r = 0; r < springs->n; ++r) {
     const double *e = both + 6 * r, *rate = e + 3, *k = springs->stiffness + 3 * r;
     double *before = springs->pull + 3 * r, pull[3];
     for (int c = 0; c < 3; ++c) {
       const double *C = springs->damping + (springs->full ? 9 * r + 3 * c : 3 * r + c);
-      const double now = springs->full ? C[0] * rate[0] + C[1] * rate[1] + C[2] * rate[2]
-                                       : C[0] * rate[c];
+      const double now =
+          springs->full ? C[0] * rate[0] + C[1] * rate[1] + C[2] * rate[2] : C[0] * rate[c];
       if (r < springs->owned)
         work += (before[c] + now) * rate[c];
       before[c] = now;
@@ -107,14 +99,12 @@ double nd_pull(const nd_springs *springs, const double *both, double *force, dou
   return work;
 }
 
-void nd_onto_points(const nd_springs *springs, const double *values, double *out)
-{
+void nd_onto_points(const nd_springs *springs, const double *values, double *out) {
   for (int64_t r = 0; r < springs->n; ++r)
     nd_transposed(&springs->on_points, r, values + 3 * r, out);
 }
 
-void nd_moment(const nd_torque *torque, const double *displacement, double *moment)
-{
+void nd_moment(const nd_torque *torque, const double *displacement, double *moment) {
   double sum[3] = {0, 0, 0};
   for (int64_t i = 0; i < torque->k; ++i) {
     const double *u = displacement + 3 * (int64_t)torque->node[i];
@@ -126,8 +116,7 @@ void nd_moment(const nd_torque *torque, const double *displacement, double *mome
 }
 
 double nd_turn(const nd_torque *torque, const double *centre, double scale,
-               const double *displacement, double *force)
-{
+               const double *displacement, double *force) {
   const double *n = torque->axis;
   double work = 0;
   for (int64_t i = 0; i < torque->k; ++i) {
@@ -148,8 +137,7 @@ double nd_turn(const nd_torque *torque, const double *centre, double scale,
 }
 
 double nd_carry(const nd_carried *carried, const double *centre, const double *spin,
-                const double *displacement, double *force)
-{
+                const double *displacement, double *force) {
   const double square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2];
   double work = 0;
   for (int64_t i = 0; i < carried->k; ++i) {

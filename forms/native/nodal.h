@@ -16,7 +16,8 @@ void nd_relative(int64_t n, const uint8_t *frame, /* [n]     of each node */
                  double *relative);               /* [n][3]  r                            m */
 
 /* Velocity as such a frame sees it, its own rotation not taken off: w = R^T v. */
-void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v, double *w);
+void nd_turned_back(int64_t n, const uint8_t *frame, const double *turn, const double *v,
+                    double *w);
 
 /* Turn the forces on nodes out of their frames and add them: force += R own; own is emptied. */
 void nd_release(int64_t n, const uint8_t *frame, const double *turn, double *own, double *force);
@@ -30,9 +31,9 @@ typedef struct {
 
 /* Springs and dampers on such stretches. */
 typedef struct {
-  int64_t n;               /*         rows */
-  int64_t owned;           /*         of them count here, the first ones */
-  int32_t full;            /*         whether dampers are symmetric matrices */
+  int64_t n;     /*         rows */
+  int64_t owned; /*         of them count here, the first ones */
+  int32_t full;  /*         whether dampers are symmetric matrices */
   nd_rows on_nodes;
   nd_rows on_points;
   const double *stiffness; /* [n][3]                                   N/m */
@@ -54,11 +55,11 @@ void nd_onto_points(const nd_springs *springs, const double *values, double *out
 /* A torque on nodes about an axis through their centre of mass. */
 typedef struct {
   int64_t k;
-  const int32_t *node;  /* [k]    */
-  const double *mass;   /* [k]    kg */
-  const double *place;  /* [k][3] undeformed positions m */
-  const double *axis;   /* [3]    unit vector */
-  double *last;         /* [k][3] displacement at the last call m */
+  const int32_t *node; /* [k]    */
+  const double *mass;  /* [k]    kg */
+  const double *place; /* [k][3] undeformed positions m */
+  const double *axis;  /* [3]    unit vector */
+  double *last;        /* [k][3] displacement at the last call m */
 } nd_torque;
 
 /* Sum of mass times position into moment[3], kg m. */
@@ -72,11 +73,11 @@ double nd_turn(const nd_torque *torque, const double *centre, double scale,
 /* Mass that is carried along a rigid motion. */
 typedef struct {
   int64_t k;
-  const int32_t *node;  /* [k]    */
-  const double *mass;   /* [k]    kg */
-  const double *place;  /* [k][3] undeformed positions                m */
-  double *last;         /* [k][3] displacement at the last call       m */
-  double *before;       /* [k][3] force at the last call              N */
+  const int32_t *node; /* [k]    */
+  const double *mass;  /* [k]    kg */
+  const double *place; /* [k][3] undeformed positions                m */
+  double *last;        /* [k][3] displacement at the last call       m */
+  double *before;      /* [k][3] force at the last call              N */
 } nd_carried;
 
 /* force += m w x (w x r) with r from `centre` and spin w; return the sum of (old + new force) . du

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 import dolfinx
 import numpy as np
+import numpy.typing as npt
 from dolfinx import la
 from scipy.sparse import csr_array
 
@@ -191,7 +192,7 @@ class Springs:
         return nodal
 
 
-def _rows(B: "csr_array", number: Dofs) -> tuple[Any, tuple[Array, ...]]:
+def _rows(B: "csr_array", number: npt.NDArray[Any]) -> tuple[Any, tuple[Array, ...]]:
     """Return a matrix of stretches as ``nd_rows``, with its columns numbered, and its arrays."""
     arrays = B.indptr.astype(np.int32), number[B.indices].astype(np.int32), B.data
     names = "first", "node", "weight"

@@ -92,6 +92,4 @@ def carried_mass(bodies: Bodies, mass: Array) -> CarriedMass:
     domain, dofs = bodies.domain, np.sort(bodies.dofs(rolling.body))
     added = (mass - bodies.lumped_mass(scaled=False))[::3][dofs]
     dofs, added = dofs[added > 0], added[added > 0]
-    return CarriedMass(
-        domain.msh.comm, dofs, added, domain.V.tabulate_dof_coordinates()[dofs]
-    )
+    return CarriedMass(domain.msh.comm, dofs, added, domain.V.tabulate_dof_coordinates()[dofs])
