@@ -11,8 +11,8 @@ message is one of three rounds with the neighbours: forces to the owners of ghos
 displacements and velocities back, 24 bytes for a node each. A gather brings all ranks the nodes
 near the patch, 48 bytes each, and at a search those of both surfaces. An all-reduce of an array
 takes ``latency · log₂ P``, one of a Python object four times that: count and data, up the tree and
-down. Left out are the nodes of springs, drive and carried mass (under a tenth of a step, which ranks
-share), packing, waiting for ranks that are disturbed, and congestion of the network.
+down. Left out are the nodes of springs, drive and carried mass (under a tenth of a step, which
+ranks share), packing, waiting for ranks that are disturbed, and congestion of the network.
 """
 
 import csv
