@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _WATCH = 16
 _LONGEST_INTERVAL = 500
 _SPEED_RESERVE = 1.5
-_DEEP = 4.0  # margins to which a static solve may press nodes into the target
+_DEEP = 4.0  # common edges to which a static solve may press nodes into the target
 _COMMON = 30.0  # percentile of edge lengths that a strip of small cells does not reach
 
 
@@ -56,8 +56,9 @@ class Candidates:
         self.reach = 0.5 * cell if reach is None else float(reach)
         if not (self.reach > 0.0 and np.isfinite(self.reach)):
             raise ValueError(f"reach: expected a positive length, got {reach} m")
+        self._wide = max(cell, typical_edge(fine, _COMMON), self.reach)
         # with a strip of small cells searches must not be frequent, nor candidates many
-        self.margin = max((cell * typical_edge(fine, _COMMON)) ** 0.5, cell, self.reach)
+        self.margin = max((cell * self._wide) ** 0.5, self.reach)
         self.forget()
 
     def forget(self) -> None:
@@ -85,7 +86,7 @@ class Candidates:
             self.exchange.whole(u, v)
             if way > self.margin:
                 self._check_unseen(way)
-            self._find(state, self.reach)
+            self._find(state, self.margin, self.reach)
             self._steps_left = self._safe_steps(dt) - 1
 
     def _check_unseen(self, way: float) -> None:
@@ -106,10 +107,10 @@ class Candidates:
         """Read a state at rest, and search again if anything moved far.
 
         On its way to rest a solver may press bodies far into each other: nodes count to a depth of
-        :data:`_DEEP` margins.
+        :data:`_DEEP` common edges.
         """
-        if not (2.0 * self.exchange.whole(u, u) < self.margin and self._searched):
-            self._find(state, _DEEP * self.margin)
+        if not (2.0 * self.exchange.whole(u, u) < self._wide and self._searched):
+            self._find(state, self._wide, _DEEP * self._wide)
         self._steps_left = 0
 
     def track(self, xv: Any, state: ContactState) -> None:
@@ -155,7 +156,7 @@ class Candidates:
         worst = int(found.item[np.argmin(state.gap[found.item])])
         return float(-state.gap[worst]), worst
 
-    def _find(self, state: ContactState, below: float) -> None:
+    def _find(self, state: ContactState, above: float, below: float) -> None:
         xv = self.exchange.xv
         if not np.isfinite(xv).all():
             bad = int(np.flatnonzero(~np.isfinite(xv).all(axis=1))[0])
@@ -163,12 +164,12 @@ class Candidates:
             raise RuntimeError(
                 f"contact pair {self.name}: node {self.stack.node[bad]} is at {where}"
             )
-        found = self.search.candidates(xv, self.margin, below, state)
+        found = self.search.candidates(xv, above, below, state)
         state.facet[found.item], state.xi[found.item] = found.facet, found.xi
         held = state.stiffness > 0.0
         held[found.item] = False
         gone = np.flatnonzero(held)
-        deep = gone[state.gap[gone] < -0.5 * self.margin]
+        deep = gone[state.gap[gone] < -0.5 * above]
         if deep.size:
             raise RuntimeError(
                 f"contact pair {self.name}: node {self.stack.node[deep[0]]} went through the "
