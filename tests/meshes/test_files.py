@@ -333,7 +333,11 @@ def run_of(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bar-impact", "hertz"])
 def test_same_run_from_a_file(command, tmp_path, name):
-    """Forces and energies of the built-in scene and of its exported mesh, on 1 and 2 ranks."""
+    """Forces and energies of the built-in scene and of its exported mesh, on 1 and 2 ranks.
+
+    To 1e-11; to 1e-9 from a static solve, which MUMPS on two ranks repeats to 1e-10 only.
+    """
+    most = 1e-11 if name == "bar-impact" else 1e-9
     changes = () if name == "bar-impact" else ("time.end=1e-6",)
     path = scene_by_file(tmp_path, name)
     here = run_of(command, name, tmp_path / "a", 1, *changes)
@@ -347,7 +351,7 @@ def test_same_run_from_a_file(command, tmp_path, name):
             scale = energy if key in energies else np.abs(here[key]).max()
             error = np.abs(there[key] - here[key]).max() / scale
             print(f"{name}, {ranks} ranks, {key}: {error:.1e}")
-            assert error <= 1e-11, (key, ranks)
+            assert error <= most, (key, ranks)
 
 
 @pytest.mark.slow
