@@ -82,5 +82,13 @@ class TurningFrames:
         return np.array(comm.allgather(self.turn))
 
     def restore(self, comm: MPI.Comm, turns: npt.NDArray[np.float64]) -> None:
-        """Go on from what :meth:`memory` returned; on other ranks than then, from their mean's."""
-        self.turn[:] = turns[comm.rank if len(turns) == comm.size else 0]
+        """Go on from what :meth:`memory` returned.
+
+        On other ranks than then each body has the rotation of the rank that saw it turn furthest:
+        ranks without nodes of it saw none.
+        """
+        if len(turns) == comm.size:
+            self.turn[:] = turns[comm.rank]
+            return
+        furthest = np.argmin(np.trace(turns, axis1=2, axis2=3), axis=0)
+        self.turn[:] = turns[furthest, np.arange(len(self.turn))]

@@ -104,3 +104,21 @@ def test_kernel_takes_single_precision():
         full(domain.msh)
     )  # fmt: skip
     assert CellKernel(form, "float32").engine.reason is None
+
+
+def test_rotations_are_kept_for_other_ranks():
+    """On as many ranks each has its own; else every body has that of the rank that saw it turn."""
+    domain = cube(2)
+    bodies = [np.arange(4, dtype=np.int32), np.arange(5, 9, dtype=np.int32)]
+    frames = TurningFrames(domain.V, bodies)
+    turn = Rotation.from_rotvec([0.0, 0.3, 0.0]).as_matrix()
+    frames.turn[1] = turn
+    own = frames.memory(MPI.COMM_SELF)
+    frames.turn[:] = np.eye(3)
+    frames.restore(MPI.COMM_SELF, own)
+    np.testing.assert_array_equal(frames.turn[1], turn)
+    other = np.tile(np.eye(3), (2, 3, 1, 1))
+    other[1, 2] = turn  # seen by the second of two ranks
+    frames.restore(MPI.COMM_SELF, other)
+    np.testing.assert_array_equal(frames.turn[2], turn)
+    np.testing.assert_array_equal(frames.turn[1], np.eye(3))

@@ -192,6 +192,14 @@ def test_refused(command, words):
     assert done.returncode == 2 and "expected positive numbers" in done.stderr
 
 
+def test_a_file_is_no_folder_for_results(command, tmp_path):
+    """``--out`` names a file: exit code 2 with the option, before anything is measured."""
+    (tmp_path / "taken").write_text("mine")
+    done = command("scaling", "hertz", "--out", tmp_path / "taken", check=False)
+    assert done.returncode == 2 and "--out" in done.stderr and "expected a folder" in done.stderr
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
 if __name__ == "__main__":
     import basix.ufl
     import dolfinx

@@ -129,13 +129,13 @@ def load_of(scene: Scene, mesh: HexMesh, rates: Rates, contact: ContactShare) ->
 def trees(scene: Scene) -> float:
     """Return how often a step goes through a tree of all ranks for a few numbers.
 
-    The guard of finite values sends a Python object; the watch of each pass three, now and then;
-    point masses and the drive an array each.
+    The guard of finite values, point masses and the drive send an array each; the watch of each
+    pass three Python objects, now and then.
     """
     passes = sum(2 if contact.two_pass else 1 for contact in scene.contacts.values())
     linked = bool(scene.springs or scene.absorbing or scene.vehicle or scene.track)
     driven = scene.rolling is not None and scene.rolling.traction_coefficient > 0
-    return OBJECT_TREES * (1 + 3 * passes / WATCH) + linked + driven
+    return 1 + OBJECT_TREES * 3 * passes / WATCH + linked + driven
 
 
 def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:

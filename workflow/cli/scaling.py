@@ -43,13 +43,17 @@ def scaling(
     if not (latency >= 0 and bandwidth > 0):
         raise SceneError(f"--latency {latency}, --bandwidth {bandwidth}: expected positive numbers")
     checked = load(scene, changes)
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SceneError(f"--out {str(out)!r}: expected a folder, {error.strerror}") from error
     from workflow.bench.scaling import Network, measure, printout, write
     from workflow.bench.scaling_figure import draw
 
     found = measure(checked, counts, Network(latency, bandwidth), cells, progress())
     files = []
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         files = [str(write(found, out / "scaling.csv"))]
         files += map(str, draw(found, out / "scaling.png"))
     answer(as_json, found | {"files": files}, lambda: [*printout(found), *files])

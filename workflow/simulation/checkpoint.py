@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, npt.NDArray[Any]]
 
-FORMAT = 3
+FORMAT = 4
 FREE = ("name", "title", "about", "time.end", "output.", "guards.")  # do not alter what was
 
 
