@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from contact.arrays import Index32
+from contact._kernel import lib
+from contact.arrays import Index32, view
 from contact.contact_state import ContactState
 from contact.exchange import Exchange
 from contact.search import Found, Search, typical_edge
@@ -48,7 +49,7 @@ class Candidates:
     ) -> None:
         """Prepare the search; arguments as for :class:`contact.pair.ContactPair`."""
         self.name = name
-        self.search = Search(contactor, target, smooth_below, points_below)
+        self.search = Search(contactor, target, smooth_below, points_below, comm)
         self.stack = stack = self.search.stack
         self.exchange = Exchange(stack, comm, self.search.points)
         fine = target if contactor.rigid else contactor
@@ -186,9 +187,11 @@ class Candidates:
 
     def _safe_steps(self, dt: float) -> int:
         """Return how many steps no node outside the margin can arrive in."""
-        v, nc, target = self.exchange.xv[:, 3:], self.search.nc, self.stack.target
-        speed = np.linalg.norm(v - v[target].mean(axis=0), axis=1)
-        fastest = float(speed[:nc].max() + speed[target].max())
+        xv, nc, target = self.exchange.xv, self.search.nc, self.stack.target
+        mean = view("mean", xv[target, 3:].mean(axis=0), (3,))
+        fastest = sum(
+            lib.wr_fastest(len(a), view("xv", a, (-1, 6)), mean) for a in (xv[:nc], xv[target])
+        )
         steps = self.margin / max(_SPEED_RESERVE * fastest * dt, 1e-300)
         return max(1, int(min(steps, _LONGEST_INTERVAL)))
 

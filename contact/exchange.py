@@ -113,19 +113,20 @@ class Exchange:
         if (dof := int(self._dofs[first])) >= 0:
             ride = self._reference[first] + u[3 * dof : 3 * dof + 3] - self.past[first]
         if self.comm is not None:
-            ride = self.comm.allreduce(ride)
+            from mpi4py import MPI
+
+            self.comm.Allreduce(MPI.IN_PLACE, ride)
         past = view("past", self.past + ride, self.past.shape)
         cu, cv = view("u", u, (-1,)), view("v", v, (-1,))
-        ways = [lib.wr_gather(k, own, *self._c, cu, cv, past, self.c_xv) for k, own in self._split]
+        ways = np.array(
+            [lib.wr_gather(k, own, *self._c, cu, cv, past, self.c_xv) for k, own in self._split]
+        )
         # a surface without dofs stands still and is seen to ride backwards
-        fixed = (self._owner[~on_target].max() < 0, self._owner[on_target].max() < 0)
-        still = float(np.linalg.norm(ride))
-        ways = [still if f else w for w, f in zip(ways, fixed, strict=True)]
-        if self.comm is None:
-            return float(sum(ways))
-        from mpi4py import MPI
-
-        return float(sum(self.comm.allreduce(w, op=MPI.MAX) for w in ways))
+        fixed = [self._owner[~on_target].max() < 0, self._owner[on_target].max() < 0]
+        ways[fixed] = np.linalg.norm(ride)
+        if self.comm is not None:
+            self.comm.Allreduce(MPI.IN_PLACE, ways, op=MPI.MAX)
+        return float(ways.sum())
 
     def whole(self, u: Array, v: Array) -> float:
         """Read all nodes; return the largest distance moved since :meth:`mark` [m]."""

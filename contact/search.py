@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Search for contactor nodes near the target: bucket grid, candidates, tracking."""
+"""Search for contactor nodes near the target: bucket grid, candidates, tracking.
+
+Ranks share the work and have the same result, see :mod:`contact.sharing`.
+"""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +13,15 @@ import numpy.typing as npt
 from contact._kernel import ffi, lib
 from contact.arrays import Index32, struct, view
 from contact.contact_state import ContactState
+from contact.sharing import Parts, Shared, parted
 from contact.smooth import Corners, Smooth
 from contact.stack import Stack
 from contact.surface import Surface
 from meshes.arrays import Array
 from meshes.quads import area_vectors
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 SHARP = lib.WR_SHARP
 _SHARP_COSINE = np.cos(np.radians(40.0))  # beyond it the projection alone cannot be trusted
@@ -68,6 +75,7 @@ class Found:
         nodes: Nodes to keep up to date.
         corners: Normals to keep up to date, of a smooth target.
         c: What tracking takes, for the kernel.
+        shared: The part of it that this rank takes, None if each takes all.
     """
 
     item: Index32
@@ -78,6 +86,30 @@ class Found:
     nodes: Index32
     corners: Corners | None
     c: Any
+    shared: Shared | None
+
+
+def _bounds(xv: Array, pad: float) -> Array:
+    """Return low and high corner of the box round nodes, wider by ``pad`` [m], shape ``(6,)``."""
+    box = np.empty(6)
+    lib.wr_bounds(len(xv), view("xv", xv, (-1, 6)), view("box", box, (6,), out=True))
+    return box + pad * np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
+
+
+def _told(
+    parts: Parts,
+    item: Index32,
+    facet: Index32,
+    xi: Array,
+    live: npt.NDArray[np.uint8],
+    outward: Array,
+) -> Index32:
+    """Bring what each rank has found to all; return all candidates, ascending."""
+    rows = parts.all_of(np.hstack([item[:, None], facet[item, None], xi[item], outward[item]]))
+    parts.any_of(live)
+    item = rows[:, 0].astype(np.int32)
+    facet[item], xi[item], outward[item] = rows[:, 1], rows[:, 2:4], rows[:, 4:]
+    return item
 
 
 class Search:
@@ -91,6 +123,7 @@ class Search:
         kind, around, ring: Topology of the target, see ``kernel.h``.
         smooth: Its corner normals, None for bilinear facets.
         points: Points for the kernel, None where nodes touch.
+        comm: Ranks that share the work, None for one.
         c: The target for the kernel.
     """
 
@@ -100,11 +133,14 @@ class Search:
         target: Surface,
         smooth_below: float | None = None,
         points_below: float | None = None,
+        comm: "MPI.Comm | None" = None,
     ) -> None:
         """Prepare; facets that meet at less than ``smooth_below`` [rad] form a smooth target.
 
-        With ``points_below`` points in the contactor's facets touch, which it curves.
+        With ``points_below`` points in the contactor's facets touch, which it curves. Ranks of
+        ``comm`` share the work.
         """
+        self.comm = comm
         self.stack = stack = Stack(contactor, target, points_below)
         self.nc, self.n = stack.nc, stack.n
         self.points = stack.for_kernel()
@@ -114,8 +150,6 @@ class Search:
         self.around, self.ring = node_facets(self.quad, self.n)
         self.kind = facet_kinds(points, self.quad, self.around, self.ring)
         self.size = np.sqrt(np.linalg.norm(area_vectors(points, self.quad), axis=1))
-        p = points[self.quad]
-        self._longest = float(np.linalg.norm(p[:, [0, 1]] - p[:, [2, 3]], axis=2).max())
         self.smooth = None
         curved: dict[str, npt.NDArray[Any]] = {}
         if smooth_below is not None:
@@ -131,25 +165,22 @@ class Search:
             **curved,
         )
 
-    def _near(self, x: Array, pad: float) -> tuple[Index32, Index32, Array]:
-        """Return contactor nodes and facets (with boxes) that come within ``pad`` [m]."""
-        none = np.empty(0, dtype=np.int32)
-        y = x[self.stack.target]
-        low, high = y.min(axis=0) - pad, y.max(axis=0) + pad
-        c = x[: self.nc]
-        item = np.flatnonzero(((c >= low) & (c <= high)).all(axis=1)).astype(np.int32)
-        if not item.size:
-            return item, none, np.empty((0, 6))
-        low, high = c[item].min(axis=0) - pad, c[item].max(axis=0) + pad
-        # facets stretch with their nodes, hence the factor on the undeformed length
-        room = 1.5 * self._longest
-        close = ((y >= low - room) & (y <= high + room)).all(axis=1)
-        pick = np.flatnonzero(close[self.quad[:, 0] - self.nc])
-        corner = x[self.quad[pick]]
-        lows, highs = corner.min(axis=1) - pad, corner.max(axis=1) + pad
-        meet = ((highs >= low) & (lows <= high)).all(axis=1)
-        box = np.ascontiguousarray(np.hstack([lows, highs])[meet])
-        return item, pick[meet].astype(np.int32), box
+    def _facets_near(self, xv: Array, item: Index32, pad: float) -> tuple[Index32, Array]:
+        """Return the facets that come within ``pad`` [m] of the nodes ``item``, and their boxes."""
+        q = len(self.quad)
+        pick, box = np.empty(q, dtype=np.int32), np.empty((q, 6))
+        round_item = view("box", _bounds(xv[item], pad), (6,))
+        c_xv, c_pick = view("xv", xv, (self.n, 6)), view("pick", pick, (q,), np.int32, out=True)
+        c_box = view("box", box, (q, 6), out=True)
+        m = lib.wr_facets_within(self.c, q, c_xv, pad, round_item, c_pick, c_box)
+        return pick[:m].copy(), box[:m].copy()
+
+    def _within(self, xv: Array, box: Array) -> Index32:
+        """Return the contactor nodes in a box, ascending."""
+        item = np.empty(self.nc, dtype=np.int32)
+        c_item = view("item", item, (self.nc,), np.int32, out=True)
+        c_xv = view("xv", xv, (self.n, 6))
+        return item[: lib.wr_within(self.nc, c_xv, view("box", box, (6,)), c_item)].copy()
 
     def _grid(self, x: Array, item: Index32, pick: Index32, box: Array) -> Any:
         """Return a grid over the nodes ``item`` with the boxes of the facets ``pick``."""
@@ -174,26 +205,27 @@ class Search:
         )
         return struct("wr_grid", box=box, pick=pick, start=start, entry=entry, **shape)
 
-    def _normals(self, x: Array, item: Index32) -> Array:
+    def _normals(self, xv: Array, item: Index32) -> Array:
         """Return the outward normals of the contactor, right at the nodes ``item``."""
+        outward = np.zeros((self.nc, 3))
         if self.stack.points is not None:
-            outward = np.zeros((self.nc, 3))
-            area = area_vectors(x, self.stack.behind(item))
+            area = area_vectors(xv[:, :3], self.stack.behind(item))
             outward[item] = area / np.linalg.norm(area, axis=1)[:, None]
             return outward
-        near = np.zeros(self.nc, dtype=bool)
-        near[item] = True
-        quads = self.facets[near[self.facets].any(axis=1)]
-        area = np.repeat(area_vectors(x, quads), 4, axis=0)
-        outward = np.empty((self.nc, 3))
-        for a in range(3):
-            outward[:, a] = np.bincount(quads.ravel(), area[:, a], minlength=self.nc)
-        length = np.linalg.norm(outward, axis=1)
-        outward /= np.where(length > 0.0, length, 1.0)[:, None]
+        near = np.zeros(self.nc, dtype=np.uint8)
+        near[item] = 1
+        lib.wr_outward(
+            len(self.facets),
+            view("facets", self.facets, (-1, 4), np.int32),
+            view("near", near, (self.nc,), np.uint8),
+            self.nc,
+            view("xv", xv, (self.n, 6)),
+            view("outward", outward, (self.nc, 3), out=True),
+        )
         return outward
 
     def candidates(self, xv: Array, above: float, below: float, state: ContactState) -> Found:
-        """Return the contactor nodes near the target.
+        """Return the contactor nodes near the target; collective.
 
         Args:
             xv: Position and velocity of all nodes, shape ``(n, 6)``.
@@ -201,19 +233,24 @@ class Search:
             below: And up to this depth inside it [m]; nodes in contact up to ``above``.
             state: Contact of the nodes; those in contact keep their facet. Only read.
         """
-        x = xv[:, :3]
         # facets stay usable while nodes move by ``above``
-        item, pick, box = self._near(x, 2.0 * max(above, below))
-        if not (item.size and pick.size):
-            return self.nothing()
-        live, outward = np.zeros(len(self.quad), dtype=np.uint8), self._normals(x, item)
+        pad = 2.0 * max(above, below)
+        item = self._within(xv, _bounds(xv[self.stack.target], pad))
+        if (parts := parted(self.comm, len(item))) is not None:
+            item = item[parts.mine]
+        pick, box = self._facets_near(xv, item, pad)
+        live, outward = np.zeros(len(self.quad), dtype=np.uint8), self._normals(xv, item)
         facet, xi = state.facet.copy(), state.xi.copy()
         arrays = {"item": item, "outward": outward, "live": live, "facet": facet, "xi": xi}
-        near = struct("wr_candidates", k=len(item), **arrays)
-        stiffness = view("stiffness", state.stiffness, (self.nc,))
-        c_xv = view("xv", xv, (self.n, 6))
-        lib.wr_search(self.c, self._grid(x, item, pick, box), c_xv, above, below, stiffness, near)
-        return self.found(item[: near.k].copy(), facet, xi, live, outward)
+        near = struct("wr_candidates", k=len(item) if pick.size else 0, **arrays)
+        if near.k:
+            grid = self._grid(xv[:, :3], item, pick, box)
+            stiffness = view("stiffness", state.stiffness, (self.nc,))
+            lib.wr_search(self.c, grid, view("xv", xv, (self.n, 6)), above, below, stiffness, near)
+        item = item[: near.k].copy()
+        if parts is not None:
+            item = _told(parts, item, facet, xi, live, outward)
+        return self.found(item, facet, xi, live, outward)
 
     def nothing(self) -> Found:
         """Return the result of a search that finds no node."""
@@ -225,13 +262,23 @@ class Search:
     ) -> Found:
         """Return a result; ``facet`` and ``xi`` are those of all contactor nodes."""
         c = struct("wr_candidates", k=len(item), item=item, outward=outward, live=live)
+        parts = parted(self.comm, len(item))
         corners = self.smooth.corners(live) if self.smooth else None
         facets = corners.facets if corners else live == 1
-        parts = [item, np.unique(self.quad[facets])]
-        if self.stack.points is not None:
-            parts.append(np.unique(self.stack.behind(item)).astype(np.int32))
-        nodes = np.concatenate(parts).astype(np.int32)
-        return Found(item, facet[item], xi[item], live, outward, nodes, corners, c)
+        of_target = np.zeros(self.n, dtype=bool)
+        of_target[self.quad[facets]] = True
+        on_contactor = np.unique(self.stack.behind(item)) if self.stack.points else item[:0]
+        return Found(
+            item,
+            facet[item],
+            xi[item],
+            live,
+            outward,
+            np.concatenate([item, np.flatnonzero(of_target), on_contactor]).astype(np.int32),
+            corners,
+            c,
+            None if parts is None else Shared(parts, item, outward=outward, live=live),
+        )
 
     def bend(self, found: Found, xv: Any) -> None:
         """Curve a smooth target by its normals at the positions in the view ``xv``."""
@@ -241,11 +288,16 @@ class Search:
     def track(self, found: Found, xv: Any, state: ContactState) -> None:
         """Follow the closest points of candidates into ``facet, xi, gap, normal`` of a state.
 
+        Collective.
+
         Args:
             found: The candidates.
             xv: Positions of all nodes, a view; a smooth target is that of the last :meth:`bend`.
             state: Written.
         """
-        lib.wr_track(self.c, found.c, xv, state.c)
+        mine = found.c if found.shared is None else found.shared.c
+        lib.wr_track(self.c, mine, xv, state.c)
         if self.points is not None:
-            lib.wr_raise(self.points, found.c, state.c)
+            lib.wr_raise(self.points, mine, state.c)
+        if found.shared is not None:
+            found.shared.tell(state)

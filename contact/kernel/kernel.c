@@ -10,6 +10,8 @@
 #include "facet.c"
 #include "search.c"
 
+#include "near.c"
+
 #include "smooth.c"
 
 #include "points.c"

@@ -7,6 +7,7 @@
  * of the contactor. `Contactor node` is said for both. All arrays are owned by the caller. */
 
 #define WR_SHARP 16
+#define WR_ROW 7
 
 /* Facets of the target. */
 typedef struct {
@@ -132,6 +133,29 @@ void wr_place(const wr_points *points, int64_t k, const int32_t *item, double *x
 
 /* Takes the heights of the candidates off their gaps. */
 void wr_raise(const wr_points *points, const wr_candidates *near, wr_state *state);
+
+/* Smallest box (low corner, high corner) round k nodes. */
+void wr_bounds(int64_t k, const double *xv, double *box);
+
+/* Largest speed of k nodes relative to the velocity v. */
+double wr_fastest(int64_t k, const double *xv, const double *v);
+
+/* Which of k nodes are in a box; returns their number, item [k] out. */
+int64_t wr_within(int64_t k, const double *xv, const double *box, int32_t *item);
+
+/* Which of q facets come into a box with boxes wider than themselves by `pad`; returns their number.
+ *   pick   [q]     out: facets
+ *   boxes  [q][6]  out: their boxes, low and high corner */
+int64_t wr_facets_within(const wr_target *target, int64_t q, const double *xv, double pad,
+                         const double *box, int32_t *pick, double *boxes);
+
+/* Outward normals of nc contactor nodes, right at those marked `near` [nc], from its q facets. */
+void wr_outward(int64_t q, const int32_t *quad, const uint8_t *near, int64_t nc, const double *xv,
+                double *outward);
+
+/* Closest points of candidates as rows of WR_ROW doubles (facet, gap, xi, normal), and back. */
+void wr_pack(const wr_candidates *near, const wr_state *state, double *row);
+void wr_unpack(const wr_candidates *near, const double *row, wr_state *state);
 
 /* Sorts m boxes into cells: first call with entry NULL counts, second call fills.
  *   cursor  [cells]  in/out: counts (first call), next free place (second call)
