@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The same contact on one rank and on two: forces, energies, footprints."""
+"""The same contact on one rank and on more: forces, energies, footprints."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from contact import ContactPair
+from contact import ContactPair, sharing
 from contact.surface import surface
 from meshes.domain import distribute
 from meshes.tags import Tag
@@ -73,23 +73,28 @@ def drive(comm, **options):
 
 
 @pytest.mark.mpi
+@pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts mpiexec itself")
-def test_two_ranks_equal_one(mpirun, tmp_path):
-    """Forces, energies and footprints on 1 and 2 ranks agree to round-off; ranks hold the same."""
+def test_ranks_equal_one(mpirun, tmp_path, count):
+    """Forces, energies, footprints on 1, 2, 3 ranks agree to round-off; ranks hold the same.
+
+    There is so little in touch that ranks would not share the search: they are told to.
+    """
     root = Path(__file__).parents[2]
     path = os.environ | {"PYTHONPATH": str(root)}
-    mpirun(2, __file__, tmp_path, cwd=root, env=path)
+    mpirun(count, __file__, tmp_path, cwd=root, env=path)
     for case, options in CASES.items():
         serial = drive(MPI.COMM_SELF, **options)
-        ranks = [np.load(tmp_path / f"{case}.{r}.npz") for r in range(2)]
+        ranks = [np.load(tmp_path / f"{case}.{r}.npz") for r in range(count)]
         assert serial["rows"][:, -1].max() > 20 and np.abs(serial["rows"][:, 1]).max() > 0
         for name, expected in serial.items():
-            assert (ranks[0][name] == ranks[1][name]).all()
+            assert all((rank[name] == ranks[0][name]).all() for rank in ranks)
             scale = np.abs(expected).max()
             assert np.abs(ranks[0][name] - expected).max() <= 1e-12 * scale, (case, name)
 
 
 if __name__ == "__main__":
+    sharing.LEAST = 3
     for case, options in CASES.items():
         found = drive(MPI.COMM_WORLD, **options)
         np.savez(Path(sys.argv[1]) / f"{case}.{MPI.COMM_WORLD.rank}.npz", **found)

@@ -94,7 +94,7 @@ def test_bytes_of_a_step():
 def test_step_by_hand():
     """Two slabs: 48 cells, the nodes of the larger, 3 messages, their bytes, contact, one tree."""
     nodes = np.arange(10)
-    contact = ContactShare(5e-6, 0.0, nodes, surface=30, gathers=2, searches=0.5)
+    contact = ContactShare(5e-6, nodes=nodes, surface=30, gathers=2, searches=0.5)
     parts = partition.parts_of(block().cells, slabs(2), NODES, 2)
     row = row_of(parts, load(contact, trees=3.0), NETWORK)
     _, sizes = exchanged(parts)
@@ -107,13 +107,25 @@ def test_step_by_hand():
 
 def test_one_rank_talks_to_nobody():
     """No messages, bytes, gathers or reductions: 96 cells, their nodes, calls and contact."""
-    (row,) = rows([1], ContactShare(5e-6, 0.0, np.arange(10), 30, 2, 0.5))
+    (row,) = rows([1], ContactShare(5e-6, nodes=np.arange(10), surface=30, gathers=2, searches=0.5))
     assert row["step"] == pytest.approx(96e-6 + NODES * 1e-7 + 2e-6 + 5e-6, rel=1e-12)
+
+
+def test_shared_contact_by_hand():
+    """Contact of 5 µs, 3 of them shared by ranks that take 32 of 70 candidates at least."""
+    nodes = np.arange(10)
+    alone = ContactShare(5e-6, 0.0, 0.0, 0, nodes, surface=30, gathers=1, searches=0.5)
+    both = ContactShare(5e-6, 0.0, 3e-6, 70, nodes, surface=30, gathers=1, searches=0.5)
+    for count in (2, 8):
+        steps = [rows([count], contact)[0]["step"] for contact in (alone, both)]
+        levels = np.log2(count)
+        told = 1.5 * (levels * 1e-6 + 70 * 56 * (count - 1) / count / 1e9)
+        assert steps[0] - steps[1] == pytest.approx(3e-6 * (1 - 1 / 2) - told, rel=1e-9)
 
 
 def test_replicated_contact_stops_the_gain():
     """Contact as long as the cells: more ranks gain less and less, and its share only grows."""
-    contact = ContactShare(96e-6, 0.0, np.arange(10), 30, 1, 0.0)
+    contact = ContactShare(96e-6, nodes=np.arange(10), surface=30, gathers=1)
     found = judged(rows([1, 2, 4, 8], contact))
     shares = [row["contact_share"] for row in found["ranks"]]
     gains = [row["gain_of_doubling"] for row in found["ranks"][1:]]
@@ -129,7 +141,7 @@ def test_replicated_contact_stops_the_gain():
 
 def test_larger_mesh_by_surface_to_volume():
     """Eight times the cells: eight times the kernel, four times ghosts, bytes and contact."""
-    contact = ContactShare(5e-6, 0.0, np.arange(10), 30, 1, 0.0)
+    contact = ContactShare(5e-6, nodes=np.arange(10), surface=30, gathers=1)
     row = rows([2], contact)[0]
     large = refined(row, 8)
     factors = {name: large["terms"][name] / value for name, value in row["terms"].items() if value}
@@ -151,6 +163,7 @@ def test_contact_of_blocks():
     assert np.isin(contactor, found.nodes).all()  # all of the block's sole is in reach
     assert np.isin(found.nodes, np.concatenate([contactor, target])).all()
     assert found.seconds > 0 and found.gathers == 1
+    assert 0 < found.shared < found.seconds and found.tracked >= len(contactor)
     assert contact_share(Scene.load("bar-wave"), mesh, None).seconds == 0
 
 

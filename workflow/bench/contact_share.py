@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact of a scene on its own: what every rank computes, and what ranks tell each other of it.
+"""Contact of a scene on its own: what ranks compute of it, and what they tell each other.
 
 The pairs of the scene are set up on the cells behind their surfaces alone, and these move as rigid
 bodies. They are brought together by half of the approach in ``[equilibrium]``: undeformed bodies
@@ -8,7 +8,9 @@ how much work there is and how many nodes it takes, not a solution.
 """
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from contact.one_pass import Pass
 from contact.options import IMPLICIT
 from meshes.arrays import Array, Flags, Index
 from meshes.domain import distribute
@@ -38,6 +41,8 @@ class ContactShare:
     Attributes:
         seconds: Processor time of it on one rank, searches counted in [s].
         searching: What of it searches take [s].
+        shared: What of it ranks share: closest points followed and searched for [s].
+        tracked: Number of candidates of which they tell each other.
         nodes: HexMesh nodes that ranks tell each other of at every step.
         surface: Number of nodes that they tell of at a search.
         gathers: How often all passes do so in a step.
@@ -46,6 +51,8 @@ class ContactShare:
 
     seconds: float = 0.0
     searching: float = 0.0
+    shared: float = 0.0
+    tracked: int = 0
     nodes: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     surface: int = 0
     gathers: int = 0
@@ -71,6 +78,7 @@ def contact_share(scene: Scene, mesh: HexMesh, placement: Any) -> ContactShare:
     spent, searched = np.min([times for times, _ in rounds], axis=0), rounds[-1][1]
     tracking = float(np.median(spent[~searched]))
     sides = [side for one in pairs for side in one.passes]
+    searches = float(searched.mean())
     near = [
         side.stack.node[nodes[side.stack.dofs[nodes] >= 0]]
         for side in sides
@@ -79,11 +87,34 @@ def contact_share(scene: Scene, mesh: HexMesh, placement: Any) -> ContactShare:
     return ContactShare(
         seconds=tracking + float((spent - tracking)[searched].sum()) / STEPS,
         searching=float((spent - tracking)[searched].sum()) / STEPS,
+        shared=shared(sides, searches),
+        tracked=sum(len(side.candidates.item) for side in sides),
         nodes=kept[np.concatenate(near)],
         surface=sum(int((side.stack.dofs >= 0).sum()) for side in sides),
         gathers=sum(2 if side.options.method in IMPLICIT else 1 for side in sides),
-        searches=float(searched.mean()),
+        searches=searches,
     )
+
+
+def shared(sides: list[Pass], searches: float) -> float:
+    """Return what passes take in a step to follow closest points and to search for them [s]."""
+
+    def least(work: Callable[[], Any]) -> float:
+        took = []
+        for _ in range(10 * ROUNDS):
+            start = time.process_time()
+            work()
+            took.append(time.process_time() - start)
+        return min(took)
+
+    total = 0.0
+    for side in sides:
+        near, state = side.candidates, side.contact_state
+        total += least(partial(near.follow, near.exchange.c_xv, state))
+        total += searches * least(
+            partial(near.search.candidates, near.exchange.xv, near.margin, near.reach, state)
+        )
+    return total
 
 
 def skin(scene: Scene, mesh: HexMesh) -> tuple[HexMesh, Index]:

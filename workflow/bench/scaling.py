@@ -6,13 +6,15 @@ The time of a step on ``P`` ranks is that of the part that needs the longest,
     max (Σ cells · kernel + nodes · update + messages · latency + bytes / bandwidth)
       + contact + fixed + gathers + reductions.
 
-Contact is computed on every rank; what ``fixed`` stands for, the calls of a step, is as well. A
-message is one of three rounds with the neighbours: forces to the owners of ghosts, then
-displacements and velocities back, 24 bytes for a node each. A gather brings all ranks the nodes
-near the patch, 48 bytes each, and at a search those of both surfaces. An all-reduce of an array
-takes ``latency · log₂ P``, one of a Python object four times that: count and data, up the tree and
-down. Left out are the nodes of springs, drive and carried mass (under a tenth of a step, which
-ranks share), packing, waiting for ranks that are disturbed, and congestion of the network.
+Of the contact, ranks share search and tracking of the candidates evenly, and tell each other of
+them; its forces are computed on every rank. What ``fixed`` stands for, the calls of a step, is on
+every rank as well. A message is one of three rounds with the neighbours: forces to the owners of
+ghosts, then displacements and velocities back, 24 bytes for a node each. A gather brings all ranks
+the nodes near the patch, 48 bytes each, their closest points, 56, and at a search the nodes of both
+surfaces. An all-reduce of an array takes ``latency · log₂ P``, one of a Python object four times
+that: count and data, up the tree and down. Left out are the nodes of springs, drive and carried
+mass (under a tenth of a step, which ranks share), packing, waiting for ranks that are disturbed,
+and congestion of the network.
 """
 
 import csv
@@ -24,6 +26,8 @@ from typing import Any
 
 import numpy as np
 
+from contact._kernel import lib
+from contact.sharing import LEAST
 from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
 from workflow.bench.contact_share import ContactShare, contact_share
@@ -35,6 +39,7 @@ from workflow.scene import Scene
 
 NODE_BYTES = 24  # three doubles
 CONTACT_BYTES = 48  # position and velocity
+POINT_BYTES = 8 * lib.WR_ROW  # a closest point
 OBJECT_TREES = 4  # a Python object goes as count and data, up a tree and down
 WATCH = 16  # steps between two measurements of how far surfaces have moved
 PAYS = 1.3  # gain of a doubling that is still worth its ranks
@@ -112,6 +117,7 @@ def sizes_of(scene: Scene, mesh: HexMesh, load: Load) -> dict[str, Any]:
         "contact_surface": load.contact.surface,
         "searches_per_step": load.contact.searches,
         "contact_seconds": load.contact.seconds,
+        "shared_seconds": load.contact.shared,
         "search_seconds": load.contact.searching,
         "trees_per_step": load.trees,
         "rates": asdict(load.rates),
@@ -141,8 +147,8 @@ def trees(scene: Scene) -> float:
 def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
     """Return partition and predicted step on as many ranks as there are parts.
 
-    ``work_imbalance`` is the most time for cells and nodes over its mean, ``shared_imbalance`` what
-    that would be if contact were computed where its nodes are owned.
+    ``work_imbalance`` is the most time for cells and nodes over its mean, ``contact_ranks`` how
+    many own nodes near the patch.
     """
     messages, sizes = exchanged(parts)
     compute = {
@@ -155,13 +161,11 @@ def row_of(parts: Parts, load: Load, network: Network) -> dict[str, Any]:
     terms = {name: float(of_part[slowest]) for name, of_part in (compute | talk).items()}
     terms |= alike(load, parts.count, network)
     held = np.bincount(parts.owner[load.contact.nodes], minlength=parts.count)
-    shared = work + load.contact.seconds * held / max(int(held.sum()), 1)
     return {
         "ranks": parts.count,
         "cells_per_rank": float(parts.cells.mean()),
         "imbalance": parts.imbalance,
         "work_imbalance": float(work.max() / work.mean()),
-        "shared_imbalance": float(shared.max() / shared.mean()),
         "owned_max": int(parts.owned.max()),
         "ghosts": int(parts.ghosts.sum()),
         "ghosts_max": int(parts.ghosts.max()),
@@ -189,10 +193,14 @@ def alike(load: Load, count: int, network: Network) -> dict[str, float]:
     """Return the terms that are the same on all of ``count`` ranks [s]."""
     contact, levels = load.contact, float(np.ceil(np.log2(count)))
     away = CONTACT_BYTES * (count - 1) / count / network.bandwidth
+    takers = max(1, min(count, contact.tracked // LEAST))
     near = contact.gathers * (levels * network.latency + len(contact.nodes) * away)
+    if takers > 1:
+        points = POINT_BYTES / CONTACT_BYTES * contact.tracked
+        near += (1 + contact.searches) * (levels * network.latency + points * away)
     all_nodes = contact.searches * (levels * network.latency + contact.surface * away)
     return {
-        "contact": contact.seconds,
+        "contact": contact.seconds - contact.shared * (1 - 1 / takers),
         "fixed": load.rates.fixed,
         "gathers": near + all_nodes,
         "reductions": load.trees * levels * network.latency,
@@ -354,7 +362,6 @@ PARTITION = (
     Column("cells", "cells_per_rank", ".0f"),
     Column("max/mean", "imbalance", ".3f"),
     Column("work", "work_imbalance", ".3f"),
-    Column("if shared", "shared_imbalance", ".2f"),
     Column("nodes", "owned_max", ".0f"),
     Column("ghosts", "ghosts_max", ".0f"),
     Column("neighbours", "neighbours_max"),

@@ -23,7 +23,7 @@ COLOURS = {
     "bytes": "#8fd3bd",
     "reductions": "#9a9a9a",
 }
-LABELS = {"fixed": "calls, on every rank", "contact": "contact, on every rank"}
+LABELS = {"fixed": "calls, on every rank", "contact": "contact, in part on every rank"}
 
 
 def draw(found: dict[str, Any], path: Path) -> list[Path]:
