@@ -2,8 +2,8 @@
 """Positions and velocities of the nodes of a contact pair, the same on every rank.
 
 Surfaces cross rank borders, so every rank holds the nodes of both. Between searches only the
-nodes near the patch are shared; every rank then computes the same contact from the same numbers
-and adds forces to the dofs that it owns.
+nodes near the patch are told. Every rank then has the same closest points, found by all together
+(:mod:`contact.sharing`), computes the same forces, and adds them to the dofs that it owns.
 """
 
 from typing import TYPE_CHECKING, Any

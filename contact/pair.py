@@ -43,7 +43,7 @@ class ContactPair:
     Two passes treat both alike, each surface once contactor and once target with half the penalty,
     which evens out the pressure where the meshes do not match.
 
-    All ranks hold the same contact; forces go to owned dofs only.
+    All ranks hold the same contact and share the search; forces go to owned dofs only.
 
     Attributes:
         passes: The contactor's nodes on the target and, in two passes, the target's on the

@@ -8,9 +8,9 @@ how much work there is and how many nodes it takes, not a solution.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,6 +32,8 @@ from workflow.scene.settings import RigidWall
 
 STEPS = 600  # longer than any interval between two searches
 ROUNDS = 3  # of which the least is taken: other work only adds to processor time
+SEARCH = ("track", "candidates")  # what ranks share of a search and of an exchange
+EXCHANGE = ("update", "predict", "wandered")
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class ContactShare:
     Attributes:
         seconds: Processor time of it on one rank, searches counted in [s].
         searching: What of it searches take [s].
-        shared: What of it ranks share: closest points followed and searched for [s].
+        shared: What of it ranks share: nodes read, closest points followed and searched for [s].
         tracked: Number of candidates of which they tell each other.
         nodes: HexMesh nodes that ranks tell each other of at every step.
         surface: Number of nodes that they tell of at a search.
@@ -75,10 +77,9 @@ def contact_share(scene: Scene, mesh: HexMesh, placement: Any) -> ContactShare:
     pairs = [pair(bodies, name, mass, dt) for name in scene.contacts]
     moved, velocity = (x[bodies.domain.nodes].ravel() for x in motion(scene, thin, placement))
     rounds = [timed(pairs, moved, velocity, dt) for _ in range(ROUNDS)]
-    spent, searched = np.min([times for times, _ in rounds], axis=0), rounds[-1][1]
+    (spent, shared), searched = np.min([times for times, _ in rounds], axis=0), rounds[-1][1]
     tracking = float(np.median(spent[~searched]))
     sides = [side for one in pairs for side in one.passes]
-    searches = float(searched.mean())
     near = [
         side.stack.node[nodes[side.stack.dofs[nodes] >= 0]]
         for side in sides
@@ -87,34 +88,13 @@ def contact_share(scene: Scene, mesh: HexMesh, placement: Any) -> ContactShare:
     return ContactShare(
         seconds=tracking + float((spent - tracking)[searched].sum()) / STEPS,
         searching=float((spent - tracking)[searched].sum()) / STEPS,
-        shared=shared(sides, searches),
+        shared=float(shared.mean()),
         tracked=sum(len(side.candidates.item) for side in sides),
         nodes=kept[np.concatenate(near)],
         surface=sum(int((side.stack.dofs >= 0).sum()) for side in sides),
         gathers=sum(2 if side.options.method in IMPLICIT else 1 for side in sides),
-        searches=searches,
+        searches=float(searched.mean()),
     )
-
-
-def shared(sides: list[Pass], searches: float) -> float:
-    """Return what passes take in a step to follow closest points and to search for them [s]."""
-
-    def least(work: Callable[[], Any]) -> float:
-        took = []
-        for _ in range(10 * ROUNDS):
-            start = time.process_time()
-            work()
-            took.append(time.process_time() - start)
-        return min(took)
-
-    total = 0.0
-    for side in sides:
-        near, state = side.candidates, side.contact_state
-        total += least(partial(near.follow, near.exchange.c_xv, state))
-        total += searches * least(
-            partial(near.search.candidates, near.exchange.xv, near.margin, near.reach, state)
-        )
-    return total
 
 
 def skin(scene: Scene, mesh: HexMesh) -> tuple[HexMesh, Index]:
@@ -183,22 +163,50 @@ def timed(pairs: list[Any], u: Array, v: Array, dt: float) -> tuple[Array, Flags
         u: Displacement at first, flat [m].
         v: Velocity, flat [m/s].
         dt: Step [s].
+
+    Returns:
+        Times of the whole contact and of what ranks share, ``(2, STEPS)``, and flags.
     """
     state = SimpleNamespace(t=0.0, step=1, v=SimpleNamespace(x=SimpleNamespace(array=v)))
     force = SimpleNamespace(array=np.zeros(u.size))
     sides = [side for one in pairs for side in one.passes]
-    for side in sides:
-        side.reset()  # every round searches at the same steps
     spent, searched, before = [], [], [None] * len(sides)
-    for step in range(STEPS + 1):
-        state.t = step * dt
-        state.u = SimpleNamespace(x=SimpleNamespace(array=u + state.t * v))
-        force.array[:] = 0.0
-        start = time.process_time()
-        for one in pairs:
-            one.add(state, force)
-        spent.append(time.process_time() - start)
-        now = [side.candidates.found for side in sides]
-        searched.append(any(a is not b for a, b in zip(now, before, strict=True)))
-        before = now
-    return np.array(spent[1:]), np.array(searched[1:])  # a run begins with the first search
+    with clocked(sides) as shared:
+        for side in sides:
+            side.reset()  # every round searches at the same steps
+        for step in range(STEPS + 1):
+            state.t = step * dt
+            state.u = SimpleNamespace(x=SimpleNamespace(array=u + state.t * v))
+            force.array[:], shared[0] = 0.0, 0.0
+            start = time.process_time()
+            for one in pairs:
+                one.add(state, force)
+            spent.append((time.process_time() - start, shared[0]))
+            now = [side.candidates.found for side in sides]
+            searched.append(any(a is not b for a, b in zip(now, before, strict=True)))
+            before = now
+    return np.array(spent[1:]).T, np.array(searched[1:])  # a run begins with the first search
+
+
+@contextmanager
+def clocked(sides: list[Pass]) -> Iterator[list[float]]:
+    """Add up the processor time of what ranks share of passes, in a list of one number [s]."""
+    total = [0.0]
+
+    def clock(work: Callable[..., Any]) -> Callable[..., Any]:
+        def during(*args: Any) -> Any:
+            start = time.process_time()
+            found = work(*args)
+            total[0] += time.process_time() - start
+            return found
+
+        return during
+
+    with ExitStack() as stack:
+        for side in sides:
+            search, exchange = side.candidates.search, side.candidates.exchange
+            for owner, names in ((search, SEARCH), (exchange, EXCHANGE)):
+                for name in names:
+                    setattr(owner, name, clock(getattr(owner, name)))  # hides that of the class
+                    stack.callback(delattr, owner, name)
+        yield total

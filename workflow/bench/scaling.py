@@ -7,14 +7,14 @@ The time of a step on ``P`` ranks is that of the part that needs the longest,
       + contact + fixed + gathers + reductions.
 
 Of the contact, ranks share search and tracking of the candidates evenly, and tell each other of
-them; its forces are computed on every rank. What ``fixed`` stands for, the calls of a step, is on
-every rank as well. A message is one of three rounds with the neighbours: forces to the owners of
-ghosts, then displacements and velocities back, 24 bytes for a node each. A gather brings all ranks
-the nodes near the patch, 48 bytes each, their closest points, 56, and at a search the nodes of both
-surfaces. An all-reduce of an array takes ``latency · log₂ P``, one of a Python object four times
-that: count and data, up the tree and down. Left out are the nodes of springs, drive and carried
-mass (under a tenth of a step, which ranks share), packing, waiting for ranks that are disturbed,
-and congestion of the network.
+them; they read the nodes they own, counted as even too; its forces are computed on every rank. What
+``fixed`` stands for, the calls of a step, is on every rank as well. A message is one of three
+rounds with the neighbours: forces to the owners of ghosts, then displacements and velocities back,
+24 bytes for a node each. A gather brings all ranks the nodes near the patch, 48 bytes each, their
+closest points, 56, and at a search the nodes of both surfaces. An all-reduce of an array takes
+``latency · log₂ P``, one of a Python object four times that: count and data, up the tree and down.
+Left out are the nodes of springs, drive and carried mass (under a tenth of a step, which ranks
+share), packing, waiting for ranks that are disturbed, and congestion of the network.
 """
 
 import csv
