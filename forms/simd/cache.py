@@ -7,19 +7,32 @@ that is in vain. Here every form has a folder with a file that its compiler lock
 system takes the lock away with the process, so whoever gets it knows that nobody compiles there.
 """
 
+import atexit
 import fcntl
 import hashlib
 import logging
+import shutil
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+from cffi import VerificationError
 from dolfinx import jit
 
 LOCK = "lock"
 POLL = 0.05  # between two tries for the lock [s]
+NEEDED = (
+    "expected a C compiler and the headers of Python (Debian: apt install gcc libc6-dev "
+    "python3-dev; the variable CC names another compiler)"
+)
+
+
+class CompilerError(RuntimeError):
+    """Forms cannot be compiled on this machine; the message says what is missing."""
 
 
 @contextmanager
@@ -31,30 +44,60 @@ def compiling(comm: Any, form: Any, key: str, timeout: float) -> Iterator[Path]:
         form: UFL form.
         key: What the compiled code depends on beside the form.
         timeout: Longest wait for another process that compiles the same [s].
+
+    Raises:
+        CompilerError: on all ranks, if the form cannot be compiled inside.
     """
     name = hashlib.sha256(f"{form.signature()}{key}".encode()).hexdigest()[:32]
-    folder = Path(jit.get_options(None)["cache_dir"]) / f"squealx_{name}"
-    folder = comm.bcast(folder if comm.rank == 0 else None, root=0)
-    if comm.rank > 0:
-        yield folder
-        return
-    lock = _file(folder)
-    if lock is None:
-        yield folder
-        return
-    with lock:  # closing the file gives the lock back
-        if _locked(lock, timeout):
+    lock, folder = _opened(f"squealx_{name}") if comm.rank == 0 else (None, None)
+    folder = comm.bcast(folder, root=0)
+    try:
+        if lock is not None and _locked(lock, timeout):
             sweep(folder)
         yield folder
+    except (VerificationError, OSError, ImportError) as error:
+        raise CompilerError(f"a form cannot be compiled in {folder}: {error}; {NEEDED}") from error
+    except RuntimeError as error:
+        if "just-in-time" not in str(error):  # DOLFINx says so on all ranks but the first
+            raise
+        raise CompilerError(f"a form cannot be compiled in {folder}: {error}; {NEEDED}") from error
+    finally:
+        if lock is not None:
+            lock.close()  # gives it back
 
 
-def _file(folder: Path) -> Any:
-    """Return the open lock file, or None: then FFCx says what is wrong on all ranks."""
+def _opened(name: str) -> tuple[IO[str], Path]:
+    """Return the open lock file of a form and its folder, which is made.
+
+    Raises:
+        CompilerError: if no folder can be written at all.
+    """
+    usual = Path(jit.get_options(None)["cache_dir"])
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return (folder / LOCK).open("a")
-    except OSError:
-        return None
+        return _file(usual / name)
+    except OSError as error:
+        reason = f"{usual}: {error.strerror}"
+    try:
+        return _file(_while_it_lasts(reason) / name)
+    except OSError as error:
+        raise CompilerError(
+            f"compiled forms cannot be written ({reason}; {error}); expected XDG_CACHE_HOME or "
+            "TMPDIR to name a folder with room and permission"
+        ) from error
+
+
+def _file(folder: Path) -> tuple[IO[str], Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    return (folder / LOCK).open("a"), folder
+
+
+@cache
+def _while_it_lasts(reason: str) -> Path:
+    """Return a folder for compiled forms that goes with this process; say why they are not kept."""
+    folder = Path(tempfile.mkdtemp(prefix="squealx-forms-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    logging.getLogger("squealx").warning("compiled forms are not kept for the next run: %s", reason)
+    return folder
 
 
 def _locked(lock: Any, timeout: float) -> bool:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx import fem, jit
 
 from forms.simd.batches import batches, integral_cells, last_to_the_end
-from forms.simd.cache import compiling
+from forms.simd.cache import NEEDED, CompilerError, compiling
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-w")
@@ -61,10 +61,22 @@ class Host:
 
 @cache
 def this_host() -> Host:
-    """Return this machine as the C compiler sees it with ``-march=native``."""
+    """Return this machine as the C compiler sees it with ``-march=native``.
+
+    Raises:
+        CompilerError: if there is no compiler, or it does not work.
+    """
     compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
     command = [*compiler, "-march=native", "-dM", "-E", "-x", "c", os.devnull]
-    macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    try:
+        macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    except OSError as error:
+        raise CompilerError(f"{compiler[0]!r}: {error.strerror}; {NEEDED}") from error
+    except subprocess.CalledProcessError as error:
+        said = error.stderr.strip().splitlines()[-1:]
+        raise CompilerError(
+            f"{shlex.join(command)} ends with exit code {error.returncode} {said}; {NEEDED}"
+        ) from error
     widths = {"__AVX512F__": 64, "__AVX__": 32}
     width = next((w for m, w in widths.items() if f"#define {m} " in macros), 16)
     sources = sorted(Path(__file__).parent.glob("*.py"))
@@ -75,6 +87,24 @@ def this_host() -> Host:
     generic = gcc and width == 64 and "__tune_" not in macros
     tune = "-mtune=skylake-avx512" if older or generic else ""
     return Host(width, gcc, tune, hashlib.sha256(state).hexdigest()[:16])
+
+
+def host_of(comm: Any) -> Host:
+    """Return the machine of rank 0; collective.
+
+    Raises:
+        CompilerError: on all ranks, if its compiler does not work.
+    """
+    found: Host | CompilerError | None = None
+    if comm.rank == 0:
+        try:
+            found = this_host()
+        except CompilerError as error:
+            found = error
+    found = comm.bcast(found, root=0)
+    if isinstance(found, CompilerError):
+        raise found
+    return found
 
 
 class NativeKernel:
@@ -97,6 +127,7 @@ class NativeKernel:
             1e-3 of that largest entry at 1.2 rad.
 
     Raises:
+        CompilerError: if it cannot be compiled on this machine.
         Unsupported: if the form is not rank 1, has other than cell integrals, or other cells than
             hexahedra, or a space whose dofs depend on the orientation of the cell.
     """
@@ -107,7 +138,7 @@ class NativeKernel:
         check(form, np.dtype(dtype))
         self.coefficients = form.coefficients()
         msh = form.ufl_domain().ufl_cargo()
-        host = msh.comm.bcast(this_host() if msh.comm.rank == 0 else None, root=0)
+        host = host_of(msh.comm)
         self._stored = np.dtype(msh.geometry.x.dtype)
         options = {"scalar_type": np.dtype(dtype).name, "language": "forms.simd"}
         arguments = {

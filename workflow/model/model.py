@@ -13,6 +13,7 @@ import ufl
 from dolfinx import fem, la
 
 from forms.elements import Law
+from forms.simd.native import host_of
 from forms.springs.connections import Connections
 from meshes.domain import Domain
 from workflow.model.bodies import Bodies, InternalForce
@@ -105,7 +106,9 @@ def build(
 
     Raises:
         SceneError: naming the key that does not fit.
+        CompilerError: if this machine cannot compile forms; before the mesh is made.
     """
+    host_of(comm)
     own = {**(laws or {}), **(friction or {})}
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log)
