@@ -2,6 +2,7 @@
 """Tables of contacts, supports, loads, motion, time, guards and output."""
 
 from collections.abc import Iterator
+from math import hypot
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -25,6 +26,7 @@ from workflow.scene.units import (
     Spin,
     Step,
     Stress,
+    Tolerance,
 )
 
 
@@ -34,6 +36,15 @@ class RigidWall(Section):
     origin: tuple[Position, Position, Position]
     normal: tuple[Component, Component, Component]
     half_width: Length
+
+    @model_validator(mode="after")
+    def _has_a_side(self) -> Self:
+        if not hypot(*self.normal) > 1e-9:
+            raise ValueError(
+                f"contacts: target.normal = {list(self.normal)}: expected a direction, the one "
+                "from the wall to the contactor"
+            )
+        return self
 
 
 class Contact(Section):
@@ -235,8 +246,8 @@ class Guards(Section):
     exchanged; ``penetration`` is a share of the contactor's cell at the node.
     """
 
-    energy_error: Factor = 0.05
-    penetration: Factor = 0.5
+    energy_error: Tolerance = 0.05
+    penetration: Tolerance = 0.5
     check_interval: Count = 50
 
 
