@@ -172,7 +172,8 @@ def refined_cells(section: Section, zone: Zone) -> int:
     for length in lengths:
         short = replace(zone, start=0.0, end=length * zone.spacing)
         low, high = (round(end / zone.spacing) for end in short.along(1, 4))
-        coarse = extrude(section, zone.spacing * np.arange(low - 1, high + 2))
+        at: Array = zone.spacing * np.arange(low - 1.0, high + 2.0)
+        coarse = extrude(section, at)
         added.append(len(refine(coarse, short, section.band, place).cells) - len(coarse.cells))
     slope = (added[1] - added[0]) / (lengths[1] - lengths[0])
     return round(added[0] + slope * ((zone.end - zone.start) / zone.spacing - lengths[0]))

@@ -14,11 +14,12 @@ from contact.options import IMPLICIT
 from forms.time_step import cell_frequency
 from workflow.audit.advice import advice, impact_depth
 from workflow.audit.limits import Limits, critical_penalty
+from workflow.model.advice import doubts
 from workflow.model.model import Model, build
 from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
 from workflow.simulation.guards import node_sizes
-from workflow.simulation.initial import check_apart, start
+from workflow.simulation.initial import start
 from workflow.simulation.stepping import steps
 
 TIMED = 20  # steps
@@ -43,7 +44,6 @@ def report(
     """
     began = time.perf_counter()
     model = build(scene, comm, log)
-    check_apart(model)
     start(model, log)
     log("limits of step, penalty and damping")
     limits = Limits(model)
@@ -66,7 +66,7 @@ def report(
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
     }
     found["cost"] = cost(model, time.perf_counter() - began)
-    found["doubts"] = list(advice(model, found))
+    found["doubts"] = [*doubts(scene), *advice(model, found)]
     return found
 
 

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact pairs of a scene and the surfaces they are made of."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshes.arrays import Array
+from workflow.model.apart import check_surfaces
 from workflow.model.bodies import Bodies, isotropic
 from workflow.scene import SceneError
 from workflow.scene.contacts import law_of
 from workflow.scene.settings import Contact, RigidWall
 
 if TYPE_CHECKING:
+    from contact.pair import ContactPair
     from contact.surface import Surface
 
 
@@ -84,3 +87,14 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
         points=contact.points,
         name=key,
     )
+
+
+def check_pair(bodies: Bodies, pair: "ContactPair", log: Callable[[str], Any]) -> None:
+    """Check the surfaces of a contact, the same on all ranks, and log what is doubtful.
+
+    Raises:
+        SceneError: if bodies overlap at the start or share nodes, or cannot meet.
+    """
+    sides = [(one.contactor, one.target) for one in pair.passes]
+    for line in check_surfaces(bodies.scene, bodies.domain.source, pair.name, sides):
+        log(f"doubt: {line}")

@@ -38,6 +38,7 @@ class Cost:
     Attributes:
         cells, nodes: Of the mesh.
         cells_within: Relative error of both; 0 if they are counted.
+        edge: Shortest edge [m].
         step: Time step [s].
         steps, outputs, samples: How many there are.
         memory, disk: At most, on one rank [bytes].
@@ -47,6 +48,7 @@ class Cost:
     cells: int
     nodes: int
     cells_within: float
+    edge: float
     step: float
     steps: float
     outputs: int
@@ -136,6 +138,7 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
         cells=extent.cells,
         nodes=extent.nodes,
         cells_within=extent.within,
+        edge=extent.edge,
         step=step,
         steps=steps,
         outputs=outputs,
@@ -168,12 +171,12 @@ def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:
     if isinstance(scene.mesh, WheelRailMesh):
         return _wheel_on_rail(scene, scene.mesh)
     try:
-        boxes, edge = zip(*_boxes(scene.mesh), strict=True)
+        boxes = list(_boxes(scene.mesh))
     except ValueError as error:
         raise SceneError(f"mesh.{error}") from None
-    cells = sum(nx * ny * nz for nx, ny, nz in boxes)
-    nodes = sum((nx + 1) * (ny + 1) * (nz + 1) for nx, ny, nz in boxes)
-    return Extent(cells, nodes, min(edge))
+    cells = sum(nx * ny * nz for (nx, ny, nz), _ in boxes)
+    nodes = sum((nx + 1) * (ny + 1) * (nz + 1) for (nx, ny, nz), _ in boxes)
+    return Extent(cells, nodes, min(edge for _, edge in boxes))
 
 
 def _boxes(mesh: Any) -> Iterator[tuple[Sequence[int], float]]:

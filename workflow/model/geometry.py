@@ -37,7 +37,6 @@ def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[
     An error in meshing on rank 0 is raised on every rank.
     """
 
-
     def make() -> tuple[HexMesh, Any]:
         mesh, placement = mesh_of(scene, log)
         log(f"mesh: {shape_of(mesh)}")

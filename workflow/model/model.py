@@ -15,14 +15,18 @@ from dolfinx import fem, la
 from forms.elements import Law
 from forms.springs.connections import Connections
 from meshes.domain import Domain
+from meshes.hexmesh import HexMesh
+from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
-from workflow.model.geometry import domain_of
+from workflow.model.checks import check, check_step
+from workflow.model.geometry import domain_of, on_root
 from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene import Scene, SceneError
+from workflow.scene.mesh import FileMesh
 
 if TYPE_CHECKING:
     from contact import ContactPair
@@ -107,17 +111,20 @@ def build(
         SceneError: naming the key that does not fit.
     """
     own = {**(laws or {}), **(friction or {})}
+    if not (read := isinstance(scene.mesh, FileMesh)):
+        told(scene, None, comm, log)
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log)
+    if read:
+        told(scene, domain.source, comm, log)
     with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
-        attach(model, friction)
+        check_step(scene, model.dt)
+        attach(model, friction, log)
         for k, make in enumerate(items, 1):
             model.items.append(make(model))
             own[f"item {k}"] = make
     model.own_laws = {name: name_of(law) for name, law in own.items()}
-    for line in model.bodies.doubts():
-        log(line)
     if reason := model.internal.kernel.engine.reason:
         log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
@@ -125,6 +132,22 @@ def build(
         f"{model.dt_bound * 1e9:.1f} ns"
     )
     return model
+
+
+def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> None:
+    """Check a scene and log what it costs and what is doubtful; collective.
+
+    Raises:
+        SceneError: on all ranks.
+    """
+
+    def work() -> None:
+        cost = check(scene, mesh)
+        log(f"expected: {cost}")
+        for line in doubts(scene, cost):
+            log(f"doubt: {line}")
+
+    on_root(comm, work)
 
 
 def name_of(law: Any) -> str:
@@ -197,17 +220,26 @@ def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
         yield InternalForce(-viscous, V, precision, damped=True, stored={})
 
 
-def attach(model: Model, friction: "Mapping[str, FrictionLaw] | None" = None) -> None:
+def attach(
+    model: Model,
+    friction: "Mapping[str, FrictionLaw] | None" = None,
+    log: Log = lambda line: None,
+) -> None:
     """Attach the contact pairs that the scene names; ``friction`` laws by pair in place of its own.
 
     The contact package is imported here, for scenes that have contact.
+
+    Raises:
+        SceneError: if surfaces overlap at the start, or cannot meet.
     """
     contacts, own = model.scene.contacts, dict(friction or {})
     if unknown := sorted(own.keys() - contacts):
         raise SceneError(f"friction = {unknown}: expected contacts of {list(contacts)}")
     if not contacts:
         return
-    from workflow.model.contacts import pair
+    from workflow.model.contacts import check_pair, pair
 
     for name in contacts:
-        model.items.append(pair(model.bodies, name, model.mass.array, model.dt, own.get(name)))
+        found = pair(model.bodies, name, model.mass.array, model.dt, own.get(name))
+        check_pair(model.bodies, found, log)
+        model.items.append(found)

@@ -174,7 +174,7 @@ def runs_of(study: Study, changes: Mapping[str, Any] | None = None) -> list[Run]
 
 def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str, Any]) -> Run:
     """Return a run with its scene checked."""
-    from workflow.model.geometry import check_profiles  # a list of studies needs no meshing
+    from workflow.model.checks import check  # a list of studies needs no meshing
 
     ranks, source = row.get("ranks", part.ranks), row.get("scene", part.scene)
     if not isinstance(source, str):
@@ -186,7 +186,7 @@ def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str
     for changes in (keys.nested(part.set), own, keys.nested(over)):
         tables = keys.joined(tables, changes)
     scene = Scene.check(tables)
-    check_profiles(scene)
+    check(scene)
     return Run(name, part.name, label, scene, ranks, row)
 
 
