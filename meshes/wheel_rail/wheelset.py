@@ -126,7 +126,9 @@ def _coarse(
     bottom = (zone[0] / radius, zone[1] / radius)
     fine = Zone(levels, section.band.stations, first, last, *bottom, angle, size, strip)
     if fine.along(1, 6)[1] - fine.along(1, 6)[0] > 2 * np.pi:
-        raise ValueError(f"zone: expected less than the circumference, got {zone} m")
+        raise ValueError(
+            f"zone: expected less than the circumference, got {zone[0]:.3f} to {zone[1]:.3f} m"
+        )
     return section, swept, fine, extra
 
 
@@ -186,7 +188,8 @@ def _check_rim(profile: Profile, web: Array, inside: float) -> None:
     if y[0] > low - 0.01 or y[-1] < high + 0.01:
         raise ValueError(
             f"wheel profile: expected a rim from {low - 0.01:.3f} m or less to {high + 0.01:.3f} m "
-            f"or more, 10 mm beyond the web, got {y[0]:.3f} to {y[-1]:.3f} m"
+            f"or more, 10 mm beyond the web, got {y[0]:.3f} to {y[-1]:.3f} m; lateral 0 is the "
+            "tape circle"
         )
     if r.min() < inside + 0.02:
         raise ValueError(

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Advice that takes a model at rest: room in the step, penetration, rounding, slip waves."""
+"""Advice that takes a model at rest: room in the step, penetration, rounding."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from contact.theory.slip_waves import HalfSpace, slip_wave
 from workflow.audit.limits import PassSprings
 from workflow.model.advice import TURN, turns
 from workflow.model.bodies import isotropic
 from workflow.model.model import Model
-from workflow.model.regions import body_at
 
 SOFT = 0.05  # penetration over the cell
 FLOAT32 = 6e-8  # rounding of one number
@@ -31,19 +29,10 @@ def advice(model: Model, found: dict[str, Any]) -> Iterator[str]:
     elif safety > 1:
         yield f"time.safety = {safety}: {1 - asked:.1%} of the step is left"
     yield from _rounding(model)
-    for name, contact in scene.contacts.items():
-        key, told = f"contacts.{name}", found["contacts"][name]
+    for name, told in found["contacts"].items():
         depth, share = told["penetration"], told["penetration_over_cell"]
         if share is not None and share > SOFT:
-            yield f"{key}: expected penetration {depth:.1e} m is {share:.0%} of a cell"
-        if contact.friction != 0.0 and (pair := _half_spaces(model, name)) is not None:
-            speed = slip_wave(*pair)
-            if speed is not None and pair[0] != pair[1]:
-                yield (
-                    f"{key}.friction: the bodies carry slip waves of {speed:.0f} m/s, which any "
-                    "Coulomb friction makes grow, the shorter the faster, without limit as cells "
-                    "shrink (Ranjith and Rice, 2001); friction with memory or damping bounds it"
-                )
+            yield f"contacts.{name}: expected penetration {depth:.1e} m is {share:.0%} of a cell"
 
 
 def _rounding(model: Model) -> Iterator[str]:
@@ -59,22 +48,6 @@ def _rounding(model: Model) -> Iterator[str]:
                 f"time.precision = 'float32': bodies.{name} turns by {angle:.2g} rad, and rounding "
                 f"its displacement gradient is as good as strains of {noise:.0e}"
             )
-
-
-def _half_spaces(model: Model, name: str) -> tuple[HalfSpace, HalfSpace] | None:
-    """Return both sides of a contact as half spaces, None if one is rigid."""
-    side = model.pairs[name].passes[0]
-    if side.target.rigid or side.contactor.rigid:
-        return None
-    one, other = (_behind(model, int(s.nodes[0])) for s in (side.contactor, side.target))
-    return one, other
-
-
-def _behind(model: Model, node: int) -> HalfSpace:
-    """Return the material at a mesh node."""
-    body = body_at(model.scene, model.domain.source, node)
-    m = isotropic(model.bodies.materials[body])
-    return HalfSpace(m.E / (2 * (1 + m.nu)), m.nu, m.rho)
 
 
 def impact_depth(model: Model, passes: Sequence[PassSprings]) -> float | None:

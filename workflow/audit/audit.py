@@ -14,7 +14,6 @@ from contact.options import IMPLICIT
 from forms.time_step import cell_frequency
 from workflow.audit.advice import advice, impact_depth
 from workflow.audit.limits import Limits, critical_penalty
-from workflow.model.advice import doubts
 from workflow.model.model import Model, build
 from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
@@ -66,7 +65,7 @@ def report(
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
     }
     found["cost"] = cost(model, time.perf_counter() - began)
-    found["doubts"] = [*doubts(scene), *advice(model, found)]
+    found["doubts"] = [*model.doubts, *advice(model, found)]
     return found
 
 

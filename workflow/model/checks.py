@@ -19,6 +19,7 @@ from workflow.scene.settings import RigidWall
 
 MOST_OUTPUTS, MOST_SAMPLES, MOST_STEPS = 10_000_000, 10_000_000, 1e10
 FEW, LEAST = 5.0, 3.0  # steps that a prescribed motion takes: as estimated, and as they are
+NARROWEST = 0.01  # cells of a strip over those of the zone
 WAY = 0.25  # of the shortest edge, the most that bodies come closer in a step
 
 
@@ -68,8 +69,14 @@ def _sizes(scene: Scene) -> Iterator[str]:
         plan = [mesh.x[1] - mesh.x[0]] + [mesh.y[1] - mesh.y[0]] * (mesh.layers is None)
         given = [("size", mesh.size, (*plan, mesh.height))]
         given += [("base_size", mesh.base_size, (*plan, mesh.depth))]
-    elif isinstance(mesh, WheelRailMesh) and not 0.5e-3 <= mesh.size <= 8e-3:
-        yield f"mesh.size = {mesh.size}: expected 0.0005 to 0.008 m for a wheel on a rail"
+    elif isinstance(mesh, WheelRailMesh):
+        if not 0.5e-3 <= mesh.size <= 8e-3:
+            yield f"mesh.size = {mesh.size}: expected 0.0005 to 0.008 m for a wheel on a rail"
+        elif mesh.strip is not None and mesh.strip.size < NARROWEST * mesh.size:
+            yield (
+                f"mesh.strip.size = {mesh.strip.size}: expected {NARROWEST * mesh.size:.1e} m or "
+                f"more, {NARROWEST:g} of mesh.size"
+            )
     for key, size, lengths in given:
         if size is not None and size > (1 + 1e-9) * min(lengths):
             yield (

@@ -332,7 +332,8 @@ def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
     keys["zone"] = "rail_length" if side == "rail" else "margin"
     key = keys.get(error.partition(":")[0], f"{side}_profile")
     told = "" if key == "strip" else f" = {getattr(mesh, key)!r}"
-    return f"mesh.{key}{told}: {error}"
+    why = "; it is the way rolled in time.end and mesh.margin at either end" * ("zone" in error)
+    return f"mesh.{key}{told}: {error}{why}"
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:

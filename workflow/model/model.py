@@ -53,6 +53,7 @@ class Model:
         dt, dt_bound: Step and its bound [s].
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
+        doubts: What is likely to go wrong with its settings, in words.
         own_laws: Laws and items that are not the scene's: the name of each by body, contact or
             place in the list.
     """
@@ -69,6 +70,7 @@ class Model:
     dt_bound: float
     placement: Any = None
     added_mass: "AddedMass | None" = None
+    doubts: list[str] = field(default_factory=list)
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -111,14 +113,14 @@ def build(
         SceneError: naming the key that does not fit.
     """
     own = {**(laws or {}), **(friction or {})}
-    if not (read := isinstance(scene.mesh, FileMesh)):
-        told(scene, None, comm, log)
+    doubtful = [] if (read := isinstance(scene.mesh, FileMesh)) else told(scene, None, comm, log)
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log)
     if read:
-        told(scene, domain.source, comm, log)
+        doubtful = told(scene, domain.source, comm, log)
     with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
+        model.doubts += doubtful
         check_step(scene, model.dt)
         attach(model, friction, log)
         for k, make in enumerate(items, 1):
@@ -134,20 +136,22 @@ def build(
     return model
 
 
-def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> None:
-    """Check a scene and log what it costs and what is doubtful; collective.
+def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[str]:
+    """Check a scene, log what it costs and what is doubtful, and return the latter; collective.
 
     Raises:
         SceneError: on all ranks.
     """
 
-    def work() -> None:
+    def work() -> list[str]:
         cost = check(scene, mesh)
         log(f"expected: {cost}")
-        for line in doubts(scene, cost):
-            log(f"doubt: {line}")
+        return list(doubts(scene, cost))
 
-    on_root(comm, work)
+    found: list[str] = comm.bcast(on_root(comm, work))
+    for line in found:
+        log(f"doubt: {line}")
+    return found
 
 
 def name_of(law: Any) -> str:
@@ -237,9 +241,12 @@ def attach(
         raise SceneError(f"friction = {unknown}: expected contacts of {list(contacts)}")
     if not contacts:
         return
-    from workflow.model.contacts import check_pair, pair
+    from workflow.model.contacts import checked_pair
 
     for name in contacts:
-        found = pair(model.bodies, name, model.mass.array, model.dt, own.get(name))
-        check_pair(model.bodies, found, log)
-        model.items.append(found)
+        law = own.get(name)
+        pair, doubtful = checked_pair(model.bodies, name, model.mass.array, model.dt, law)
+        model.items.append(pair)
+        model.doubts += doubtful
+        for line in doubtful:
+            log(f"doubt: {line}")

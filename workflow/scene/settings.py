@@ -3,9 +3,9 @@
 
 from collections.abc import Iterator
 from math import hypot
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflow.scene.contacts import FrictionLaw
 from workflow.scene.units import (
@@ -47,6 +47,23 @@ class RigidWall(Section):
         return self
 
 
+def _target(value: Any) -> str | None:
+    """Return which kind of target is meant, None if it is none."""
+    if isinstance(value, str):
+        return "surface"
+    return "wall" if isinstance(value, dict | RigidWall) else None
+
+
+Target = Annotated[
+    Annotated[str, Tag("surface")] | Annotated[RigidWall, Tag("wall")],
+    Discriminator(
+        _target,
+        custom_error_type="target",
+        custom_error_message="the name of a surface, or a table with origin, normal, half_width",
+    ),
+]
+
+
 class Contact(Section):
     """Contactor nodes against target facets; with ``keep`` a run stops where they part.
 
@@ -61,7 +78,7 @@ class Contact(Section):
     """
 
     contactor: str
-    target: str | RigidWall
+    target: Target
     friction: FrictionLaw = 0.0
     method: Literal["penalty", "modulus-penalty", "implicit-penalty", "lagrange"] = "penalty"
     penalty: Factor = 0.2
