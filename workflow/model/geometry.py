@@ -5,8 +5,10 @@ A wheel on a rail comes with its placement, and is kept on disk for the next run
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -136,6 +138,11 @@ def footings(mesh: CurvedMesh) -> tuple[caps.Footing, caps.Footing]:
     return upper, caps.Footing(*shape, mesh.depth, size, mesh.growth, mesh.layers)
 
 
+def yaw_of(scene: Scene) -> float:
+    """Return the angle of attack of the wheelset of a scene [rad]."""
+    return scene.rolling.angle_of_attack if scene.rolling else 0.0
+
+
 def rolling_zone(scene: Scene) -> tuple[float, float]:
     """Return where along the rail the wheel will roll, from the first contact on [m].
 
@@ -185,7 +192,13 @@ def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profil
 
 
 def placement_of(scene: Scene) -> "profiles.Placement":
-    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
+    """Return where the wheel of a scene stands on the rail, as :func:`placed_at`."""
+    assert isinstance(scene.mesh, WheelRailMesh)
+    return placed_at(scene.mesh, yaw_of(scene))
+
+
+def placed_at(mesh: WheelRailMesh, yaw: float) -> "profiles.Placement":
+    """Return where a wheel stands on the rail: the flange just short of the corner.
 
     With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.
 
@@ -194,10 +207,7 @@ def placement_of(scene: Scene) -> "profiles.Placement":
     """
     from meshes.profiles.features import flange_of
 
-    mesh = scene.mesh
-    assert isinstance(mesh, WheelRailMesh)
     wheel, head, _ = profiles_of(mesh)
-    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
     turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
@@ -225,15 +235,19 @@ def placement_of(scene: Scene) -> "profiles.Placement":
 
 
 def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
-    """Return the strips of narrow cells on wheel and rail.
+    """Return the strips of narrow cells of a scene, as :func:`strips_at`."""
+    assert isinstance(scene.mesh, WheelRailMesh)
+    return strips_at(scene.mesh, yaw_of(scene))
+
+
+def strips_at(mesh: WheelRailMesh, yaw: float) -> dict[str, "Strip | None"]:
+    """Return the strips of narrow cells on wheel and rail at an angle of attack [rad].
 
     None where the scene asks for none, or leaves their place to a flange that the wheel has not.
 
     Raises:
         SceneError: if they have to be found and no position lets the flange touch.
     """
-    mesh = scene.mesh
-    assert isinstance(mesh, WheelRailMesh)
     if mesh.strip is None:
         return {"wheel": None, "rail": None}
     from meshes.generate.sweep import Strip
@@ -244,7 +258,6 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
     wheel, head, _ = profiles_of(mesh)
     if None in given.values() and flange_of(wheel) is not None:
         rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
-        yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
         try:
             found = narrow_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
         except ValueError as error:
@@ -269,21 +282,29 @@ def cached_wheel_on_rail(
     """Return wheelset and rail as made before from the same tables and code, or made now."""
     from meshes import cache
 
-    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
-    inputs = {"mesh": mesh.model_dump(mode="json"), "zone": rolling_zone(scene), "yaw": yaw}
+    inputs = {
+        "mesh": mesh.model_dump(mode="json"),
+        "zone": rolling_zone(scene),
+        "yaw": yaw_of(scene),
+    }
     name = cache.key(inputs, [Path(__file__)])
     return cache.cached(name, lambda: wheel_on_rail(scene, mesh), log)
 
 
 def plans(
-    scene: Scene, mesh: WheelRailMesh
+    mesh: WheelRailMesh, yaw: float, zone: tuple[float, float]
 ) -> "tuple[profiles.Placement, dict[str, Any], dict[str, Any]]":
     """Return the placement of a wheel, and what its mesh and that of the rail are made from.
+
+    Args:
+        mesh: The table of the scene.
+        yaw: Angle of attack [rad].
+        zone: Where along the rail it will roll [m].
 
     Raises:
         SceneError: naming the key of a profile or position that cannot be used.
     """
-    position, zone, strips = placement_of(scene), rolling_zone(scene), strips_of(scene)
+    position, strips = placed_at(mesh, yaw), strips_at(mesh, yaw)
     tread, head, base = profiles_of(mesh)
     both = {"size": mesh.size, "zone": zone}
     wheel = both | {
@@ -310,10 +331,20 @@ def wheel_on_rail_cells(scene: Scene, mesh: WheelRailMesh) -> int:
     Raises:
         SceneError: naming the key that lets no mesh be made.
     """
+    named = (mesh.wheel_profile, mesh.rail_profile)
+    stamps = tuple(os.stat(name).st_mtime_ns for name in named if os.path.isfile(name))
+    return _cells_of(mesh, yaw_of(scene), rolling_zone(scene), stamps)
+
+
+@lru_cache(maxsize=64)  # the runs of a study share meshes
+def _cells_of(
+    mesh: WheelRailMesh, yaw: float, zone: tuple[float, float], stamps: tuple[int, ...]
+) -> int:
+    """Return about how many cells are made; ``stamps`` tell profiles that were written anew."""
     from meshes.wheel_rail.rail import rail_cells
     from meshes.wheel_rail.wheelset import wheelset_cells
 
-    _, wheel, rail = plans(scene, mesh)
+    _, wheel, rail = plans(mesh, yaw, zone)
     found = 0
     for side, count, plan in (("wheel", wheelset_cells, wheel), ("rail", rail_cells, rail)):
         try:
@@ -343,7 +374,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     from meshes.wheel_rail.sleepers import sleepers
     from meshes.wheel_rail.wheelset import wheelset
 
-    position, wheel_plan, rail_plan = plans(scene, mesh)
+    position, wheel_plan, rail_plan = plans(mesh, yaw_of(scene), rolling_zone(scene))
     wheel = wheelset(**wheel_plan)
     track = rail(inclination=mesh.inclination, gauge=mesh.gauge, **rail_plan)
     if mesh.sleepers is None:
