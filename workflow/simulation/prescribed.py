@@ -6,6 +6,7 @@ around it, so that nodes are on their way at every step and have its speed at th
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -201,6 +202,14 @@ def start(model: Model) -> None:
         v[carried.dofs] = carried.rigid(carried.dofs)
 
 
+def way(entry: Support, t: float) -> float:
+    """Return how far a moved support has come at a time [m]."""
+    s = (t - entry.begin) / entry.ramp
+    if s >= 1:
+        return entry.velocity * entry.ramp * (s - 0.5)
+    return entry.velocity * entry.ramp * max(s, 0.0) ** 4 * (2.5 - 3 * s + s**2)
+
+
 class Moved:
     """Nodes held along a direction whose speed there changes once, and the work of what does it.
 
@@ -219,18 +228,11 @@ class Moved:
         self.mass = model.mass.array[::3][self.dofs]
         self.work, self.reaction = 0.0, float("nan")
 
-    def place(self, t: float) -> float:
-        """Return the way done at a time [m]."""
-        s = (t - self.entry.begin) / self.entry.ramp
-        if s >= 1:
-            return self.entry.velocity * self.entry.ramp * (s - 0.5)
-        return self.entry.velocity * self.entry.ramp * max(s, 0.0) ** 4 * (2.5 - 3 * s + s**2)
-
     def acceleration(self, t: float) -> float:
         """Return the prescribed acceleration at a step [m/s²]; none off the ramp."""
         begin, dt = self.entry.begin, self.dt
         on = begin - dt < t < begin + self.entry.ramp + dt
-        return difference(self.place, t, dt) if on else 0.0
+        return difference(partial(way, self.entry), t, dt) if on else 0.0
 
     def free(self, a: la.Vector) -> Array:
         """Return the acceleration that the other forces give the nodes, shape ``(n,)`` [m/s²]."""
