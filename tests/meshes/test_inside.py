@@ -20,7 +20,7 @@ def test_points_in_a_distorted_block():
 
 
 def test_faces_count_and_own_corners_do_not():
-    """Nodes of a second block on the face of the first are inside; those of a body in itself not."""
+    """Nodes of a second block on a face of the first are inside; those of the first itself not."""
     lower = block((0, 0, 0), (1, 1, 1), size=0.5)
     pair = join(lower, block((0.1, 0.1, 1), (0.9, 0.9, 2), size=0.4))
     upper = np.arange(len(lower.points), len(pair.points))

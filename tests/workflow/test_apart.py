@@ -126,16 +126,14 @@ def test_beside_a_wall(tmp_path):
 def test_surfaces_that_share_nodes():
     """A face and the side beside it meet in an edge."""
     change = {"contacts.face.target": "xmin", "mesh.size": 5e-3, "mesh.base_size": 5e-3}
-    with pytest.raises(SceneError, match="contacts.face: contactor and target share 5 nodes"):
+    with pytest.raises(SceneError, match=r"contacts.face: contactor and target share 5 nodes"):
         build(Scene.load("contact-patch", **change))
 
 
 def test_a_target_between_the_nodes_of_its_contactor():
     """A block of one cell on a pillar of 4 mm: no node above it. Two passes see it."""
     change = {"mesh.size": 0.01, "mesh.base_size": 1e-3, "mesh.base": [0.004, 0.004, 0.01]}
-    with pytest.raises(
-        SceneError, match=r"its nodes are 1.00e-02 m apart, the target is 4.00e-03 m"
-    ):
+    with pytest.raises(SceneError, match=r"nodes are 1.00e-02 m apart, the target is 4.00e-03 m"):
         build(Scene.load("contact-patch", **change))
     build(Scene.load("contact-patch", **change, **{"contacts.face.two_pass": True}))
 

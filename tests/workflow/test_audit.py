@@ -179,10 +179,7 @@ def test_a_shipped_scene_gives_no_cause_to_doubt():
 
 
 def test_turning_bodies_in_single_precision():
-    """A roller that turns by 0.07 rad has a frame that turns with it; a block that spins has none.
-
-    Its law is that of small strain, which at 0.005 rad is allowed and in float32 not doubted.
-    """
+    """A roller that turns by 0.07 rad has a frame that turns with it: no doubt."""
     small = {"mesh.size": 1e-3, "time.precision": "float32", "equilibrium.tolerance": 1e-3}
     found = report(Scene.load("carter", **small))
     assert not any("float32" in line for line in found["doubts"])

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Supports that are set in motion: their path, the work they do, resume and ranks."""
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from tests.folders import assert_same, copied
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
 from workflow.scene.settings import Support
-from workflow.simulation.prescribed import Moved
+from workflow.simulation.prescribed import difference, way
 
 BEGIN, RAMP, SPEED = 1e-5, 6e-5, 2.0
 MASS = 7800 * 0.1 * 0.005**2
@@ -60,14 +62,11 @@ def test_the_end_moves_as_prescribed(whole):
 def test_a_ramp_of_any_length_ends_at_its_speed_and_place(steps, begin):
     """Central differences with its accelerations: v and v (t - begin - ramp/2), to round-off."""
     dt, speed = 1e-7, 5.0
-    entry = Support(
-        surface="s", directions=["x"], velocity=speed, ramp=steps * dt, begin=begin * dt
-    )
-    mover = Moved.__new__(Moved)
-    mover.entry, mover.dt = entry, dt
-    x, v = 0.0, -dt / 2 * mover.acceleration(0.0)
+    times = {"ramp": steps * dt, "begin": begin * dt}
+    entry = Support(surface="s", directions=["x"], velocity=speed, **times)
+    x, v = 0.0, -dt / 2 * difference(partial(way, entry), 0.0, dt)
     for n in range(40):
-        v += dt * mover.acceleration(n * dt)
+        v += dt * difference(partial(way, entry), n * dt, dt)
         x += dt * v
     assert v == pytest.approx(speed, rel=1e-9)
     assert x == pytest.approx(speed * (40 - begin - steps / 2) * dt, rel=1e-9)
