@@ -41,8 +41,8 @@ def test_distance_from_a_cube():
 
 
 def test_distance_from_a_sphere():
-    """A cap of 24 mm cells on 0.5 m: from the centre the radius, to the chord's 0.03 %."""
-    cap = sphere_cap(0.5, 0.2, size=0.025)
+    """A cap of 25 mm cells on 0.5 m: from the centre the radius less the chord's 0.07 %."""
+    cap = sphere_cap(0.5, 0.2, size=0.025, growth=1.0)
     quads = cap.points[cap.surface(cap.tag("cap"))]
     found = distance_to_quads(np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.4]]), quads)
-    np.testing.assert_allclose(found, [0.5, 0.4], rtol=3e-4)
+    np.testing.assert_allclose(found, [0.5, 0.4], rtol=8e-4)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact surfaces as meshed: overlap, far sides of skins, flush neighbours, coarse contactors."""
 
-import numpy as np
 import pytest
 
 from meshes.formats import read_write
@@ -97,17 +96,15 @@ def test_bodies_in_each_other_are_refused(case, tmp_path):
         build(scene(tmp_path, join(*boxes)))
 
 
-def test_a_skin_hits_as_its_face_does(tmp_path):
-    """Whole skins in place of the two faces: the same contact force, 4 µs long."""
-    forces = []
-    for name, one, other in (("faces", Tag.ZMIN, Tag.ZMAX), ("skins", None, None)):
-        (tmp_path / name).mkdir()
-        upper = box((0.004, 0.004, 0), (0.016, 0.016, 0.01), Tag.BLOCK, one)
-        asked = scene(tmp_path / name, join(upper, base(other)))
-        result = run(asked, tmp_path / name / "run", quiet=True)
-        forces.append(result.history["face_normal_force"])
-    assert forces[0][-1] > 1e3
-    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9)
+@pytest.mark.parametrize("skins", [False, True])
+def test_a_skin_hits_as_its_face_does(skins, tmp_path):
+    """The first wave, ρ c v A / 2 = 3.38 kN on 12 x 12 mm, is there after 3 µs to 5 %."""
+    one, other = (None, None) if skins else (Tag.ZMIN, Tag.ZMAX)
+    upper = box((0.004, 0.004, 0), (0.016, 0.016, 0.01), Tag.BLOCK, one)
+    result = run(scene(tmp_path, join(upper, base(other))), tmp_path / "run", quiet=True)
+    speed = (210e9 * 0.7 / (1.3 * 0.4) / 7800) ** 0.5
+    force = 7800 * speed * 1.0 * 0.012**2 / 2
+    assert result.history["face_normal_force"][3] == pytest.approx(force, rel=0.05)
 
 
 def test_behind_a_wall_at_any_distance():

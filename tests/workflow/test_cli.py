@@ -63,7 +63,7 @@ def test_validate_accepts_built_in_scenes(squealx, name):
     """Valid without doubt, with what it costs, also with a change."""
     code, out, err = squealx("validate", name)
     valid, cost, *more = out.splitlines()
-    assert (code, valid, err) == (0, f"{name}: valid", "") and cost.startswith("expected: ")
+    assert (code, valid, err) == (0, f"{name}: valid", "") and cost.startswith("cost: ")
     assert not any("doubt" in line for line in more)
     code, out, _ = squealx("validate", name, "--set", "mesh.size=3e-3", "--json")
     found = only_json(out)

@@ -107,7 +107,7 @@ def test_validate_prints_the_cost(command):
 def test_a_run_logs_what_it_expects_and_doubts(run_scene):
     """Before the mesh: cost and doubts, in run.log."""
     folder = run_scene("bar-impact", **{"mesh.size": 0.005, "time.safety": 1.05})
-    log = (folder / "run.log").read_text().splitlines()
-    assert log[0].split("expected: ")[1].startswith("20 cells, about ")
-    assert "doubt: time.safety = 1.05: beyond the bound of the stable step" in log[1]
-    assert "mesh: 20 cells" in log[2]
+    lines = (folder / "run.log").read_text().splitlines()
+    starts = "cost: 20 cells, about ", "doubt: time.safety = 1.05: beyond", "mesh: 20 cells"
+    order = [next(k for k, line in enumerate(lines) if text in line) for text in starts]
+    assert order == sorted(order)

@@ -40,7 +40,7 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
     cost = check(checked)
     doubtful = list(doubts(checked, cost))
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
-    lines = [f"{checked.name}: valid", f"expected: {cost}", *(f"doubt: {d}" for d in doubtful)]
+    lines = [f"{checked.name}: valid", f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
     answer(as_json, found, lambda: lines)
 
 

@@ -145,7 +145,7 @@ def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[s
 
     def work() -> list[str]:
         cost = check(scene, mesh)
-        log(f"expected: {cost}")
+        log(f"cost: {cost}")
         return list(doubts(scene, cost))
 
     found: list[str] = comm.bcast(on_root(comm, work))
