@@ -152,3 +152,18 @@ def test_shipped_scenes_give_no_cause_to_doubt(name):
     """Not by their settings."""
     scene = Scene.load(name)
     assert list(doubts(scene, check(scene))) == []
+
+
+COSTLY = {  # steps of 0.2 µs; 2 025 nodes of 24 bytes in each of 8e6 outputs; steps of 10 fs
+    "samples": ({"output.sample_interval": 1e-9}, "output.sample_interval = 1e-09: a sample is"),
+    "disk": ({"time.output_interval": 1e-11}, "of results; output.fields = false leaves"),
+    "time": ({"bodies.bar.stiffness_damping": 1.0}, "time.end = 8e-05: about "),
+}
+
+
+@pytest.mark.parametrize("case", COSTLY)
+def test_costly_settings_are_doubted(case):
+    """One line each, with the key."""
+    change, told = COSTLY[case]
+    scene = Scene.load("bar-wave", **change)
+    assert any(told in line for line in doubts(scene, check(scene)))

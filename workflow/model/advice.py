@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workflow.model.cost import Cost, size_in_words, time_in_words
+from workflow.model.cost import Cost, host_memory, size_in_words, time_in_words
 from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import FileMesh, WheelRailMesh
 from workflow.scene.scene import Scene
@@ -19,6 +19,7 @@ TURN = 0.01  # from which on rotation and rounding matter [rad]
 HOP = 0.05  # energy gained at a landing, above which sliding is noisy
 GIVE = 3.0  # implicit penalty from which on the modes of a sliding block are within 1 %
 LONG = 3 * 86400.0  # s of one core
+LARGE = 20e9  # bytes of results
 
 
 def doubts(scene: Scene, cost: Cost | None = None) -> Iterator[str]:
@@ -37,12 +38,28 @@ def doubts(scene: Scene, cost: Cost | None = None) -> Iterator[str]:
             f"rolling.angle_of_attack = {scene.rolling.angle_of_attack}: beyond the {ANGLE} rad "
             "that were tried"
         )
-    if cost is not None and cost.seconds > LONG:
+    if cost is not None:
+        yield from _costs(scene, cost)
+
+
+def _costs(scene: Scene, cost: Cost) -> Iterator[str]:
+    interval = scene.output.sample_interval
+    if interval is not None and interval < 0.7 * cost.step:
+        yield (
+            f"output.sample_interval = {interval}: a sample is the mean over at least one step, "
+            f"about {cost.step:.1e} s"
+        )
+    if cost.seconds > LONG:
         yield f"time.end = {scene.time.end}: about {time_in_words(cost.seconds)} on one core"
-    if cost is not None and cost.disk > 20e9:
+    if cost.disk > LARGE:
         yield (
             f"time.output_interval = {scene.time.output_interval}: about "
             f"{size_in_words(cost.disk)} of results; output.fields = false leaves the largest out"
+        )
+    if (most := host_memory()) < 1.5 * cost.memory:
+        yield (
+            f"mesh: {cost.cells} cells take about {size_in_words(cost.memory)} of memory, this "
+            f"machine has {size_in_words(most)}"
         )
 
 

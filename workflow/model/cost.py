@@ -131,7 +131,7 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
     steps = time.end / step
     outputs = int(time.end / time.output_interval * (1 + 1e-9)) + 1
     interval = scene.output.sample_interval
-    samples = 0 if interval is None else int(time.end / interval)
+    samples = 0 if interval is None else int(min(time.end / interval, steps))
     rest = scene.equilibrium is not None
     made = isinstance(scene.mesh, WheelRailMesh)
     return Cost(
