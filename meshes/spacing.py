@@ -31,18 +31,27 @@ def graded(
     Raises:
         ValueError: if an argument is out of range.
     """
-    if not (np.isfinite(growth) and growth >= 1):
-        raise ValueError(f"growth: expected a finite ratio of at least 1, got {growth}")
-    positive("length", length)
+    count = graded_cells(length, size if cells is None else length, growth)
     if cells is None:
-        ratio = length / positive("size", size)
-        if growth > 1:  # cells in a geometric series with this sum
-            ratio = np.log1p(ratio * (growth - 1)) / np.log(growth)
-        cells = max(1, int(np.ceil(ratio - 1e-9)))
+        cells = count
     elif cells < 1:
         raise ValueError(f"cells: expected at least 1 along each axis, got {cells}")
     ends = np.concatenate([[0.0], np.cumsum(growth ** np.arange(cells, dtype=float))])
     return length * (ends / ends[-1])
+
+
+def graded_cells(length: float, size: float | None, growth: float = 1.0) -> int:
+    """Return the number of cells that :func:`graded` makes.
+
+    Raises:
+        ValueError: if an argument is out of range.
+    """
+    if not (np.isfinite(growth) and growth >= 1):
+        raise ValueError(f"growth: expected a finite ratio of at least 1, got {growth}")
+    ratio = positive("length", length) / positive("size", size)
+    if growth > 1:  # cells in a geometric series with this sum
+        ratio = float(np.log1p(ratio * (growth - 1)) / np.log(growth))
+    return max(1, int(np.ceil(ratio - 1e-9)))
 
 
 def zoned(
@@ -67,16 +76,39 @@ def zoned(
         ValueError: if the span is empty or the zone not inside of it.
     """
     (first, last), (a, b) = span, fine
-    if not first <= a < b <= last:
-        raise ValueError(
-            f"fine_{name}: expected a zone inside {name} = [{first}, {last}] m, got [{a}, {b}] m"
-        )
-    inner = np.linspace(a, b, max(1, int(np.ceil((b - a) / size - 1e-9))) + 1)
+    _check_zone(name, span, fine)
+    inner = np.linspace(a, b, graded_cells(b - a, size) + 1)
     before, after = (_growing(length, size, growth, largest) for length in (a - first, last - b))
     stations = np.concatenate([a - before[::-1], inner, b + after])
     if largest is not None:  # sums of steps end there but for round-off
         stations[[0, -1]] = first, last
     return stations
+
+
+def zoned_cells(
+    name: str,
+    span: tuple[float, float],
+    fine: tuple[float, float],
+    size: float,
+    growth: float,
+) -> int:
+    """Return the number of cells that :func:`zoned` makes without a bound on their length.
+
+    Raises:
+        ValueError: if the span is empty or the zone not inside of it.
+    """
+    _check_zone(name, span, fine)
+    sides = (length for length in (fine[0] - span[0], span[1] - fine[1]) if length > 0)
+    inner = graded_cells(fine[1] - fine[0], size)
+    return inner + sum(graded_cells(length, size * growth, growth) for length in sides)
+
+
+def _check_zone(name: str, span: tuple[float, float], fine: tuple[float, float]) -> None:
+    (first, last), (a, b) = span, fine
+    if not first <= a < b <= last:
+        raise ValueError(
+            f"fine_{name}: expected a zone inside {name} = [{first}, {last}] m, got [{a}, {b}] m"
+        )
 
 
 def _growing(length: float, size: float, growth: float, largest: float | None) -> Array:

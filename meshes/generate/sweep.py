@@ -2,7 +2,7 @@
 """Sections swept into hexahedra along a line or round an axis, and refined in a zone."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -153,6 +153,30 @@ def refine(swept: Swept, zone: Zone, band: Band, place: Place) -> Swept:
         box = {"s": zone.across(level, 1), "d": (0.0, 2 * depth), "x": zone.along(level)}
         swept = cut(swept, X, box, band, place)
     return swept if zone.strip is None else narrowed(swept, zone, zone.strip, band, place)
+
+
+def refined_cells(section: Section, zone: Zone) -> int:
+    """Return about how many cells :func:`refine` adds to a swept section.
+
+    Short zones of the same levels are refined: the number grows in proportion to their length.
+
+    Args:
+        section: The section.
+        zone: Where it would be refined.
+    """
+
+    def place(params: Array) -> Array:
+        return params[:, [X, Y, Z]]
+
+    lengths, added = (4.0, 6.0), []
+    for length in lengths:
+        short = replace(zone, start=0.0, end=length * zone.spacing)
+        low, high = (round(end / zone.spacing) for end in short.along(1, 4))
+        at: Array = zone.spacing * np.arange(low - 1.0, high + 2.0)
+        coarse = extrude(section, at)
+        added.append(len(refine(coarse, short, section.band, place).cells) - len(coarse.cells))
+    slope = (added[1] - added[0]) / (lengths[1] - lengths[0])
+    return round(added[0] + slope * ((zone.end - zone.start) / zone.spacing - lengths[0]))
 
 
 def narrowed(swept: Swept, zone: Zone, strip: Strip, band: Band, place: Place) -> Swept:

@@ -12,7 +12,7 @@ import numpy as np
 from meshes.arrays import Array
 from meshes.hexmesh import HexMesh
 from meshes.shapes.blocks import BASE_FACES, block, grid
-from meshes.spacing import graded, positive, zoned
+from meshes.spacing import graded, graded_cells, positive, zoned, zoned_cells
 from meshes.tags import Tag
 
 Span = tuple[float, float]
@@ -52,6 +52,12 @@ class Footing:
         else:
             y = np.linspace(*self.y, self.layers + 1)
         return x, y, graded(self.depth, self.size, growth=self.growth)
+
+    def cells(self) -> tuple[int, int, int]:
+        """Return the numbers of cells along these axes, which are not made; it raises as they."""
+        x = zoned_cells("x", self.x, self.fine_x, self.size, self.growth)
+        y = self.layers or zoned_cells("y", self.y, self.fine_y, self.size, self.growth)
+        return x, y, graded_cells(self.depth, self.size, self.growth)
 
 
 def rise(x: Array, y: Array, radius: float | None, crown: float | None) -> Array:

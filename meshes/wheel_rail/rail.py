@@ -4,8 +4,20 @@
 import numpy as np
 
 from meshes.arrays import Array
+from meshes.generate.section import Section
 from meshes.generate.smooth import relaxed
-from meshes.generate.sweep import D, Strip, Swept, X, Z, Zone, extrude, levels_for, refine
+from meshes.generate.sweep import (
+    D,
+    Strip,
+    Swept,
+    X,
+    Z,
+    Zone,
+    extrude,
+    levels_for,
+    refine,
+    refined_cells,
+)
 from meshes.hexmesh import HexMesh, boundary
 from meshes.profiles.placement import GAUGE, INCLINATION, track_offset
 from meshes.profiles.profiles import Profile, inclined
@@ -56,18 +68,9 @@ def rail(
         ValueError: if the size, profile or strip is out of range or the zone, with its
             transitions, not on the rail.
     """
-    levels = levels_for(size)
     head = completed(drawn_rail(design) if profile is None else profile, design)
-    section, first, last, base = rail_section(size, levels, head, design, touch)
-    spacing = size * 3**levels
-    fine = Zone(levels, section.band.stations, first, last, *zone, spacing, size, strip)
-    even = fine.along(1, 3)
-    if not x0 <= even[0] < even[1] <= x0 + length:
-        raise ValueError(
-            f"zone: expected a stretch that leaves {zone[0] - even[0]:.3f} m to the rail ends at "
-            f"{x0} and {x0 + length} m, got {zone}"
-        )
-    stations = zoned("x", (x0, x0 + length), even, spacing, GROWTH, largest)
+    section, fine, base = _plan(size, zone, head, design, touch, strip)
+    stations = _stations(length, x0, fine, largest)
     swept = refine(extrude(section, stations), fine, section.band, _space)
     tagged = _tagged(swept, (x0, x0 + length), base)
     turn = np.arctan(inclination)
@@ -75,6 +78,55 @@ def rail(
     offset = track_offset(inclined(head, inclination), gauge)
     x, y, z = tagged.points.T
     return tagged.moved(np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]]))
+
+
+def rail_cells(
+    length: float,
+    x0: float,
+    *,
+    size: float,
+    zone: tuple[float, float],
+    profile: Profile,
+    design: str = "54E1",
+    largest: float = 0.1,
+    touch: float | None = None,
+    strip: Strip | None = None,
+    **placed: float,
+) -> int:
+    """Return about how many cells :func:`rail` makes of a completed profile; it raises as that."""
+    section, fine, _ = _plan(size, zone, profile, design, touch, strip)
+    stations = _stations(length, x0, fine, largest)
+    return (len(stations) - 1) * len(section.quads) + refined_cells(section, fine)
+
+
+def _plan(
+    size: float,
+    zone: tuple[float, float],
+    head: Profile,
+    design: str,
+    touch: float | None,
+    strip: Strip | None,
+) -> tuple[Section, Zone, float]:
+    """Return the upright section, the zone that is refined, and the height of the rail's base."""
+    levels = levels_for(size)
+    section, first, last, base = rail_section(size, levels, head, design, touch)
+    columns, spacing = section.band.stations, size * 3**levels
+    return section, Zone(levels, columns, first, last, *zone, spacing, size, strip), base
+
+
+def _stations(length: float, x0: float, fine: Zone, largest: float) -> Array:
+    """Return the stations along the rail [m].
+
+    Raises:
+        ValueError: if the zone, with its transitions, is not on the rail.
+    """
+    even = fine.along(1, 3)
+    if not x0 <= even[0] < even[1] <= x0 + length:
+        raise ValueError(
+            f"zone: expected a stretch that leaves {fine.start - even[0]:.3f} m to the rail ends "
+            f"at {x0:.3f} and {x0 + length:.3f} m, got {fine.start:.3f} to {fine.end:.3f} m"
+        )
+    return zoned("x", (x0, x0 + length), even, fine.spacing, GROWTH, largest)
 
 
 def _space(params: Array) -> Array:

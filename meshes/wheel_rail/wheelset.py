@@ -11,7 +11,20 @@ from meshes.arrays import Array
 from meshes.generate.section import Section, assembled, coons, spaced
 from meshes.generate.smooth import relaxed
 from meshes.generate.stations import fine_tread, stations
-from meshes.generate.sweep import D, Strip, Swept, X, Y, Z, Zone, cut, levels_for, refine, revolve
+from meshes.generate.sweep import (
+    D,
+    Strip,
+    Swept,
+    X,
+    Y,
+    Z,
+    Zone,
+    cut,
+    levels_for,
+    refine,
+    refined_cells,
+    revolve,
+)
 from meshes.hexmesh import HexMesh, boundary
 from meshes.profiles.features import flange_of
 from meshes.profiles.placement import RADIUS, TAPE
@@ -63,23 +76,65 @@ def wheelset(
         ValueError: if the size, zone, design, profile or strip is out of range.
     """
     axle = Axle() if axle is None else axle
+    section, swept, fine, extra = _coarse(
+        size, zone, design, radius, tape, axle, profile, touch, strip
+    )
+    if extra:
+        swept = cut(swept, X, _rim_box(fine), section.band, _space)
+    swept = refine(swept, fine, section.band, _space)
+    return _tagged(swept, axle, tape)
+
+
+def wheelset_cells(
+    *,
+    size: float,
+    zone: tuple[float, float],
+    design: str,
+    radius: float,
+    profile: Profile,
+    touch: float | None = None,
+    strip: Strip | None = None,
+) -> int:
+    """Return about how many cells :func:`wheelset` makes; it raises as that."""
+    section, swept, fine, extra = _coarse(
+        size, zone, design, radius, TAPE, Axle(), profile, touch, strip
+    )
+    if extra:
+        swept = cut(swept, X, _rim_box(fine), section.band, _space)
+    return len(swept.cells) + refined_cells(section, fine)
+
+
+def _coarse(
+    size: float,
+    zone: tuple[float, float],
+    design: str,
+    radius: float,
+    tape: float,
+    axle: Axle,
+    profile: Profile | None,
+    touch: float | None,
+    strip: Strip | None,
+) -> tuple[Section, Swept, Zone, int]:
+    """Return section and unrefined wheelset, the zone, and how often its rim is cut before."""
     levels = levels_for(size)
     sectors, extra = sectors_for(size, radius, levels)
     section, first, last = wheel_section(size, levels, design, radius, profile, touch)
     bore = float(section.points[:, 1].min())
-    sweep = revolve(section, sectors)
-    swept = with_axle(sweep, axle, bore, tape)
+    swept = with_axle(revolve(section, sectors), axle, bore, tape)
     swept = cut(swept, X, {"z": (WEB_SPLIT, np.inf)}, section.band, _space)
     angle = 2 * np.pi / sectors / 3 ** (1 + extra)
     bottom = (zone[0] / radius, zone[1] / radius)
     fine = Zone(levels, section.band.stations, first, last, *bottom, angle, size, strip)
     if fine.along(1, 6)[1] - fine.along(1, 6)[0] > 2 * np.pi:
-        raise ValueError(f"zone: expected less than the circumference, got {zone} m")
-    if extra:
-        box = {"d": (0.0, 3.0), "x": fine.along(1, 6)}
-        swept = cut(swept, X, box, section.band, _space)
-    swept = refine(swept, fine, section.band, _space)
-    return _tagged(swept, axle, tape)
+        raise ValueError(
+            f"zone: expected less than the circumference, got {zone[0]:.3f} to {zone[1]:.3f} m"
+        )
+    return section, swept, fine, extra
+
+
+def _rim_box(fine: Zone) -> dict[str, tuple[float, float]]:
+    """Return where the rim of a large wheel is cut once more."""
+    return {"d": (0.0, 3.0), "x": fine.along(1, 6)}
 
 
 def sectors_for(size: float, radius: float, levels: int) -> tuple[int, int]:
@@ -133,7 +188,8 @@ def _check_rim(profile: Profile, web: Array, inside: float) -> None:
     if y[0] > low - 0.01 or y[-1] < high + 0.01:
         raise ValueError(
             f"wheel profile: expected a rim from {low - 0.01:.3f} m or less to {high + 0.01:.3f} m "
-            f"or more, 10 mm beyond the web, got {y[0]:.3f} to {y[-1]:.3f} m"
+            f"or more, 10 mm beyond the web, got {y[0]:.3f} to {y[-1]:.3f} m; lateral 0 is the "
+            "tape circle"
         )
     if r.min() < inside + 0.02:
         raise ValueError(

@@ -14,7 +14,8 @@ from meshes.tags import Tag
 from meshes.wheel_rail.rail import rail
 from meshes.wheel_rail.wheelset import wheelset
 from workflow import Scene
-from workflow.model.geometry import check_profiles, strips_of
+from workflow.model.checks import check
+from workflow.model.geometry import strips_of
 from workflow.scene import SceneError
 
 ZONE = (-0.06, 0.06)
@@ -86,7 +87,7 @@ def plain(scene):
 @pytest.mark.parametrize("arc", [[0.02, 1.0], [0.03, 0.02], [-0.01, 0.01]])
 def test_arc_off_the_profile_is_refused_before_meshing(arc):
     with pytest.raises(SceneError, match=r"mesh\.strip\.rail = .*: expected a rising stretch"):
-        check_profiles(Scene.load("flange-transition", **{"mesh.strip.rail": arc}))
+        check(Scene.load("flange-transition", **{"mesh.strip.rail": arc}))
 
 
 def test_scene_says_what_is_wrong_with_a_strip():

@@ -60,10 +60,14 @@ def test_scenes_are_listed(squealx):
 
 @pytest.mark.parametrize("name", names())
 def test_validate_accepts_built_in_scenes(squealx, name):
-    """Valid, also with a change."""
-    assert squealx("validate", name) == (0, f"{name}: valid\n", "")
+    """Valid without doubt, with what it costs, also with a change."""
+    code, out, err = squealx("validate", name)
+    valid, cost, *more = out.splitlines()
+    assert (code, valid, err) == (0, f"{name}: valid", "") and cost.startswith("cost: ")
+    assert not any("doubt" in line for line in more)
     code, out, _ = squealx("validate", name, "--set", "mesh.size=3e-3", "--json")
-    assert code == 0 and only_json(out) == {"scene": name, "valid": True}
+    found = only_json(out)
+    assert code == 0 and found["scene"] == name and found["valid"] and found["cost"]["cells"] > 0
 
 
 @pytest.mark.parametrize(

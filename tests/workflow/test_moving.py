@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Supports that are set in motion: their path, the work they do, resume and ranks."""
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ import pytest
 from tests.folders import assert_same, copied
 from workflow import Scene, run
 from workflow.scene.scene import SceneError
+from workflow.scene.settings import Support
+from workflow.simulation.prescribed import difference, way
 
 BEGIN, RAMP, SPEED = 1e-5, 6e-5, 2.0
 MASS = 7800 * 0.1 * 0.005**2
@@ -22,10 +26,11 @@ def towed(**changes) -> Scene:
     return Scene.check(tables)
 
 
-def speed(t: np.ndarray) -> np.ndarray:
-    """The prescribed speed."""
+def place(t: np.ndarray) -> np.ndarray:
+    """The prescribed way: the integral of ``s³ (10 - 15 s + 6 s²)``, 1/2 at s = 1, and on."""
     s = np.clip((t - BEGIN) / RAMP, 0, 1)
-    return SPEED * s**3 * (10 - 15 * s + 6 * s**2)
+    straight = np.maximum(t - BEGIN - RAMP, 0)
+    return SPEED * (RAMP * s**4 * (2.5 - 3 * s + s**2) + straight)
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +50,29 @@ def whole(tmp_path_factory):
 
 
 def test_the_end_moves_as_prescribed(whole):
-    """Speed of the held nodes, to the error of the step (6e-5); no motion aside."""
+    """Places at every step, so speeds are their differences, the end's is exact; none aside."""
     _, _, seen = whole
-    np.testing.assert_allclose(seen[:, 1], speed(seen[:, 0]), atol=1e-4 * SPEED)
-    np.testing.assert_allclose(seen[-1, 1], SPEED, rtol=1e-6)
+    t = seen[:, 0]
+    expected = (place(t[1:-1] + t[1]) - place(t[1:-1] - t[1])) / (2 * t[1])
+    np.testing.assert_allclose(seen[1:-1, 1], expected, atol=1e-10 * SPEED)
+    np.testing.assert_allclose(seen[-1, 1], SPEED, rtol=1e-10)
     assert np.abs(seen[:, 2:4]).max() < 1e-12
-    assert np.abs(seen[seen[:, 0] <= BEGIN, 1:]).max() == 0.0
+    assert np.abs(seen[seen[:, 0] <= BEGIN - t[1], 1:]).max() == 0.0
+
+
+@pytest.mark.parametrize("steps", [0.3, 1.7, 3.0, 20.0])
+@pytest.mark.parametrize("begin", [0.0, 0.4, 2.0])
+def test_a_ramp_of_any_length_ends_at_its_speed_and_place(steps, begin):
+    """Central differences with its accelerations: v and v (t - begin - ramp/2), to round-off."""
+    dt, speed = 1e-7, 5.0
+    times = {"ramp": steps * dt, "begin": begin * dt}
+    entry = Support(surface="s", directions=["x"], velocity=speed, **times)
+    x, v = 0.0, -dt / 2 * difference(partial(way, entry), 0.0, dt)
+    for n in range(40):
+        v += dt * difference(partial(way, entry), n * dt, dt)
+        x += dt * v
+    assert v == pytest.approx(speed, rel=1e-9)
+    assert x == pytest.approx(speed * (40 - begin - steps / 2) * dt, rel=1e-9)
 
 
 def test_work_is_the_integral_of_reaction_times_speed(whole):

@@ -8,7 +8,7 @@ from mpi4py import MPI  # noqa: F401
 import numpy as np
 import pytest
 
-from workflow.audit.advice import landing_gain
+from workflow.model.advice import landing_gain
 from workflow.model.model import build
 from workflow.scene.scene import Scene, SceneError
 from workflow.stability import limits

@@ -122,6 +122,10 @@ BAD = {
     ),
     "ranks": ({"scene": "bar-wave", "runs": [{"name": "a", "ranks": 0}]}, "ranks = 0"),
     "figure": ({"vary": {"mesh.size": [1e-3]}, "compare": ["colours"]}, "compare.0 = 'colours'"),
+    "too many": (
+        {"scene": "bar-wave", "vary": {"mesh.size": [1e-3] * 1000, "time.end": [1e-5] * 10**6}},
+        "vary: 1e+09 runs (1000 of mesh.size times 1000000 of time.end); expected at most 10000",
+    ),
     "name": ({"name": "a/b", "vary": {"mesh.size": [1e-3]}}, "name = 'a/b'"),
 }
 

@@ -18,7 +18,7 @@ from workflow.model.model import Model, build
 from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
 from workflow.simulation.guards import node_sizes
-from workflow.simulation.initial import check_apart, start
+from workflow.simulation.initial import start
 from workflow.simulation.stepping import steps
 
 TIMED = 20  # steps
@@ -43,7 +43,6 @@ def report(
     """
     began = time.perf_counter()
     model = build(scene, comm, log)
-    check_apart(model)
     start(model, log)
     log("limits of step, penalty and damping")
     limits = Limits(model)
@@ -66,7 +65,7 @@ def report(
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
     }
     found["cost"] = cost(model, time.perf_counter() - began)
-    found["doubts"] = list(advice(model, found))
+    found["doubts"] = [*model.doubts, *advice(model, found)]
     return found
 
 

@@ -29,13 +29,19 @@ verbs = typer.Typer()
     )
 )
 def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
-    """Check a scene without meshing: an error names the key, what it got and expects."""
-    checked = load(scene, changes)
-    from workflow.model.geometry import check_profiles
+    """Check a scene without meshing, as a run does: an error names the key, what it expects.
 
-    check_profiles(checked)
-    found = {"scene": checked.name, "valid": True}
-    answer(as_json, found, lambda: [f"{checked.name}: valid"])
+    Says what a run would cost, and what is doubtful about it.
+    """
+    checked = load(scene, changes)
+    from workflow.model.advice import doubts
+    from workflow.model.checks import check
+
+    cost = check(checked)
+    doubtful = list(doubts(checked, cost))
+    found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
+    lines = [f"{checked.name}: valid", f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
+    answer(as_json, found, lambda: lines)
 
 
 @verbs.command(
@@ -74,7 +80,9 @@ def export(
     """Write the mesh of a scene with its regions and surfaces as named groups."""
     checked = load(scene, changes)
     from workflow.model import geometry
+    from workflow.model.checks import check
 
+    check(checked)
     written = geometry.export(checked, file)
     answer(as_json, written, lambda: [geometry.in_words(written)])
 
@@ -97,7 +105,9 @@ def mesh(
     checked = load(scene, changes)
     from workflow.audit import figures
     from workflow.audit import mesh as quality
+    from workflow.model.checks import check
 
+    check(checked)
     found = quality.report(checked, progress())
     folder = out or Path("runs") / f"mesh-{checked.name}"
     paths = figures.write(found, folder)

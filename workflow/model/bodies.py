@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of a scene: materials, laws and forms, and the internal force made of them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from meshes.domain import Domain
 from workflow.model.geometry import cell_size
 from workflow.model.state import State
 from workflow.scene import Scene, SceneError
-from workflow.scene.bodies import Body, Isotropic
+from workflow.scene.bodies import LINEAR, Body
 
 
 class Bodies:
@@ -191,16 +191,6 @@ class Bodies:
         """Return the form whose vector is the lumped mass."""
         return inertia(w, self.dx, self._densities())
 
-    def doubts(self) -> Iterator[str]:
-        """Yield a line for every choice that is allowed but known to be inaccurate."""
-        for name, body in self.scene.bodies.items():
-            m, coefficient = body.material, body.hourglass_coefficient
-            if coefficient and isinstance(m, Isotropic) and m.poisson_ratio > 0.45:
-                yield (
-                    f"bodies.{name}: a hourglass_coefficient locks at poisson_ratio = "
-                    f"{m.poisson_ratio}; without it the stiffness of the material is taken"
-                )
-
 
 class InternalForce:
     """Minus the internal force as an item; counts its work only where it dissipates.
@@ -299,7 +289,7 @@ def law(body: Body) -> Law:
     Raises:
         SceneError: if the law is not in :data:`forms.elements.LAWS`.
     """
-    linear = body.material.law in ("hooke", "orthotropic")
+    linear = body.material.law in LINEAR
     name = body.kinematics if linear else body.material.law
     if name not in LAWS:
         raise SceneError(f"material.law = {name!r}: expected one of {['hooke', *LAWS]}")

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact pairs of a scene and the surfaces they are made of."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshes.arrays import Array
+from workflow.model.apart import check_surfaces
 from workflow.model.bodies import Bodies, isotropic
+from workflow.model.regions import body_at
 from workflow.scene import SceneError
 from workflow.scene.contacts import law_of
 from workflow.scene.settings import Contact, RigidWall
 
 if TYPE_CHECKING:
+    from contact.pair import ContactPair
     from contact.surface import Surface
 
 
@@ -46,7 +50,7 @@ def contact_surfaces(bodies: Bodies, contact: Contact, mass: Array) -> tuple["Su
     return contactor, surface(domain, tag(contact.target), mass, bulk=bulk)
 
 
-def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None) -> Any:
+def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None) -> "ContactPair":
     """Return the contact pair of a scene entry.
 
     Args:
@@ -84,3 +88,38 @@ def pair(bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None)
         points=contact.points,
         name=key,
     )
+
+
+def checked_pair(
+    bodies: Bodies, key: str, mass: Array, dt: float, friction: Any = None
+) -> tuple["ContactPair", list[str]]:
+    """Return a contact pair, its surfaces checked, and what is doubtful about it.
+
+    Arguments as for :func:`pair`.
+
+    Raises:
+        SceneError: as :func:`pair`; if bodies overlap at the start or share nodes, or cannot meet.
+    """
+    found = pair(bodies, key, mass, dt, friction)
+    sides = [(one.contactor, one.target) for one in found.passes]
+    doubts = list(check_surfaces(bodies.scene, bodies.domain.source, key, sides))
+    return found, [*doubts, *_slip_waves(bodies, key, *sides[0])]
+
+
+def _slip_waves(bodies: Bodies, key: str, contactor: "Surface", target: "Surface") -> Iterator[str]:
+    """Yield a line if friction makes waves between two unlike bodies grow."""
+    if target.rigid or bodies.scene.contacts[key].friction == 0.0:
+        return
+    from contact.theory.slip_waves import HalfSpace, slip_wave  # for friction of two bodies
+
+    pair = []
+    for side in (contactor, target):
+        body = body_at(bodies.scene, bodies.domain.source, int(side.nodes[0]))
+        m = isotropic(bodies.materials[body])
+        pair.append(HalfSpace(m.E / (2 * (1 + m.nu)), m.nu, m.rho))
+    if pair[0] != pair[1] and (speed := slip_wave(*pair)) is not None:
+        yield (
+            f"contacts.{key}.friction: the bodies carry slip waves of {speed:.0f} m/s, which any "
+            "Coulomb friction makes grow, the shorter the faster, without limit as cells shrink "
+            "(Ranjith and Rice, 2001); friction with memory or damping bounds it"
+        )

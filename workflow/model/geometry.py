@@ -5,8 +5,10 @@ A wheel on a rail comes with its placement, and is kept on disk for the next run
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,23 +30,40 @@ if TYPE_CHECKING:
     from meshes.generate.sweep import Strip
     from meshes.profiles.measured import Kind
 
+OVERLAP = 0.01  # of a cell, by which bodies may overlap at the start
+
 
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
     """Return the distributed mesh of a scene and, for wheel on rail, its placement.
 
     An error in meshing on rank 0 is raised on every rank.
     """
-    mesh, placement, error = None, None, None
+
+    def make() -> tuple[HexMesh, Any]:
+        mesh, placement = mesh_of(scene, log)
+        log(f"mesh: {shape_of(mesh)}")
+        return mesh, placement
+
+    mesh, placement = on_root(comm, make) or (None, None)
+    return distribute(mesh, comm), comm.bcast(placement)
+
+
+def on_root[T](comm: MPI.Comm, work: Callable[[], T]) -> T | None:
+    """Return what ``work`` returns on rank 0, None on others; its errors are raised on all ranks.
+
+    Raises:
+        SceneError: for what is wrong with a scene or its files.
+    """
+    found, error = None, None
     if comm.rank == 0:
         try:
-            mesh, placement = mesh_of(scene, log)
-            log(f"mesh: {shape_of(mesh)}")
+            found = work()
         except (ValueError, OSError) as caught:
             error = SceneError(str(caught))
     error = comm.bcast(error)
     if error is not None:
         raise error
-    return distribute(mesh, comm), comm.bcast(placement)
+    return found
 
 
 def cell_size(scene: Scene, mesh: HexMesh) -> float:
@@ -103,15 +122,25 @@ def block_on_base(mesh: BlocksMesh) -> HexMesh:
 
 def curved_on_curved(mesh: CurvedMesh) -> HexMesh:
     """Return two curved bodies that touch at the origin."""
-    fine = mesh.fine_y or mesh.y
-    shape = (mesh.x, mesh.y, mesh.fine_x, fine)
-    upper = caps.Footing(*shape, mesh.height, mesh.size, mesh.growth, mesh.layers)
-    lower = caps.Footing(*shape, mesh.depth, mesh.base_size or mesh.size, mesh.growth, mesh.layers)
+    upper, lower = footings(mesh)
     base = caps.below(lower, radius=mesh.base_radius, crown=mesh.base_crown)
     if mesh.rolls:
         assert mesh.radius is not None
         return join(caps.roller(upper, radius=mesh.radius, crown=mesh.crown), base)
     return join(caps.cap(upper, radius=mesh.radius, crown=mesh.crown), base)
+
+
+def footings(mesh: CurvedMesh) -> tuple[caps.Footing, caps.Footing]:
+    """Return the plans of the upper and the lower of two curved bodies."""
+    shape = (mesh.x, mesh.y, mesh.fine_x, mesh.fine_y or mesh.y)
+    upper = caps.Footing(*shape, mesh.height, mesh.size, mesh.growth, mesh.layers)
+    size = mesh.base_size or mesh.size
+    return upper, caps.Footing(*shape, mesh.depth, size, mesh.growth, mesh.layers)
+
+
+def yaw_of(scene: Scene) -> float:
+    """Return the angle of attack of the wheelset of a scene [rad]."""
+    return scene.rolling.angle_of_attack if scene.rolling else 0.0
 
 
 def rolling_zone(scene: Scene) -> tuple[float, float]:
@@ -131,17 +160,6 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
     ahead = max(travel, 0.0) + max(lead, 0.0)
     behind = min(travel, 0.0) + min(lead, 0.0)
     return behind - mesh.margin, ahead + mesh.margin
-
-
-def check_profiles(scene: Scene) -> None:
-    """Read the profiles that a scene names and place the wheel on the rail, without meshing.
-
-    Raises:
-        SceneError: naming the key of a profile or position that is missing or cannot be used.
-    """
-    if isinstance(scene.mesh, WheelRailMesh):
-        placement_of(scene)
-        strips_of(scene)
 
 
 def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "profiles.Profile":
@@ -174,7 +192,13 @@ def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profil
 
 
 def placement_of(scene: Scene) -> "profiles.Placement":
-    """Return where the wheel of a scene stands on the rail: the flange just short of the corner.
+    """Return where the wheel of a scene stands on the rail, as :func:`placed_at`."""
+    assert isinstance(scene.mesh, WheelRailMesh)
+    return placed_at(scene.mesh, yaw_of(scene))
+
+
+def placed_at(mesh: WheelRailMesh, yaw: float) -> "profiles.Placement":
+    """Return where a wheel stands on the rail: the flange just short of the corner.
 
     With ``mesh.lateral_shift``, or if the wheel has no flange, it stands at that shift instead.
 
@@ -183,10 +207,7 @@ def placement_of(scene: Scene) -> "profiles.Placement":
     """
     from meshes.profiles.features import flange_of
 
-    mesh = scene.mesh
-    assert isinstance(mesh, WheelRailMesh)
     wheel, head, _ = profiles_of(mesh)
-    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
     turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
@@ -196,7 +217,16 @@ def placement_of(scene: Scene) -> "profiles.Placement":
         rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         if shift is None:
             return profiles.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
-        return profiles.place(wheel, rail, shift=shift, **turn)
+        placement = profiles.place(wheel, rail, shift=shift, **turn)
+        gap = placement.flange_gap
+        if gap is not None and gap < -OVERLAP * mesh.size:
+            most = profiles.lateral_shift_for(wheel, rail, flange_gap=0.0, **turn).shift
+            raise ValueError(
+                f"the flange would stand {-gap:.2e} m inside the rail; expected at most "
+                f"{most:.5f} m, where it touches; or leave it out and give mesh.flange_gap, which "
+                "equilibrium.shift or equilibrium.approach can close under load"
+            )
+        return placement
     except ValueError as error:
         raise SceneError(
             f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "
@@ -205,15 +235,19 @@ def placement_of(scene: Scene) -> "profiles.Placement":
 
 
 def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
-    """Return the strips of narrow cells on wheel and rail.
+    """Return the strips of narrow cells of a scene, as :func:`strips_at`."""
+    assert isinstance(scene.mesh, WheelRailMesh)
+    return strips_at(scene.mesh, yaw_of(scene))
+
+
+def strips_at(mesh: WheelRailMesh, yaw: float) -> dict[str, "Strip | None"]:
+    """Return the strips of narrow cells on wheel and rail at an angle of attack [rad].
 
     None where the scene asks for none, or leaves their place to a flange that the wheel has not.
 
     Raises:
         SceneError: if they have to be found and no position lets the flange touch.
     """
-    mesh = scene.mesh
-    assert isinstance(mesh, WheelRailMesh)
     if mesh.strip is None:
         return {"wheel": None, "rail": None}
     from meshes.generate.sweep import Strip
@@ -224,7 +258,6 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
     wheel, head, _ = profiles_of(mesh)
     if None in given.values() and flange_of(wheel) is not None:
         rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
-        yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
         try:
             found = narrow_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
         except ValueError as error:
@@ -249,10 +282,89 @@ def cached_wheel_on_rail(
     """Return wheelset and rail as made before from the same tables and code, or made now."""
     from meshes import cache
 
-    yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
-    inputs = {"mesh": mesh.model_dump(mode="json"), "zone": rolling_zone(scene), "yaw": yaw}
+    inputs = {
+        "mesh": mesh.model_dump(mode="json"),
+        "zone": rolling_zone(scene),
+        "yaw": yaw_of(scene),
+    }
     name = cache.key(inputs, [Path(__file__)])
     return cache.cached(name, lambda: wheel_on_rail(scene, mesh), log)
+
+
+def plans(
+    mesh: WheelRailMesh, yaw: float, zone: tuple[float, float]
+) -> "tuple[profiles.Placement, dict[str, Any], dict[str, Any]]":
+    """Return the placement of a wheel, and what its mesh and that of the rail are made from.
+
+    Args:
+        mesh: The table of the scene.
+        yaw: Angle of attack [rad].
+        zone: Where along the rail it will roll [m].
+
+    Raises:
+        SceneError: naming the key of a profile or position that cannot be used.
+    """
+    position, strips = placed_at(mesh, yaw), strips_at(mesh, yaw)
+    tread, head, base = profiles_of(mesh)
+    both = {"size": mesh.size, "zone": zone}
+    wheel = both | {
+        "design": mesh.wheel_design,
+        "radius": mesh.wheel_radius,
+        "profile": tread,
+        "touch": position.tread_s,
+        "strip": strips["wheel"],
+    }
+    rail = both | {
+        "length": mesh.rail_length,
+        "x0": -mesh.rail_length / 2 - mesh.start,
+        "profile": head,
+        "design": base,
+        "touch": position.tread_rail_s,
+        "strip": strips["rail"],
+    }
+    return position, wheel, rail
+
+
+def wheel_on_rail_cells(scene: Scene, mesh: WheelRailMesh) -> int:
+    """Return about how many cells :func:`wheel_on_rail` makes, without making them.
+
+    Raises:
+        SceneError: naming the key that lets no mesh be made.
+    """
+    named = (mesh.wheel_profile, mesh.rail_profile)
+    stamps = tuple(os.stat(name).st_mtime_ns for name in named if os.path.isfile(name))
+    return _cells_of(mesh, yaw_of(scene), rolling_zone(scene), stamps)
+
+
+@lru_cache(maxsize=64)  # the runs of a study share meshes
+def _cells_of(
+    mesh: WheelRailMesh, yaw: float, zone: tuple[float, float], stamps: tuple[int, ...]
+) -> int:
+    """Return about how many cells are made; ``stamps`` tell profiles that were written anew."""
+    from meshes.wheel_rail.rail import rail_cells
+    from meshes.wheel_rail.wheelset import wheelset_cells
+
+    _, wheel, rail = plans(mesh, yaw, zone)
+    found = 0
+    for side, count, plan in (("wheel", wheelset_cells, wheel), ("rail", rail_cells, rail)):
+        try:
+            found += count(**plan)
+        except ValueError as error:
+            raise SceneError(_with_key(mesh, side, str(error))) from None
+    if mesh.sleepers is not None:
+        nx, ny, nz = mesh.sleepers.cells
+        found += int(mesh.rail_length / mesh.sleepers.spacing) * nx * ny * nz
+    return found
+
+
+def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
+    """Return an error of a mesh with the key of the scene that its first word stands for."""
+    keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size", "strip": "strip"}
+    keys["zone"] = "rail_length" if side == "rail" else "margin"
+    key = keys.get(error.partition(":")[0], f"{side}_profile")
+    told = "" if key == "strip" else f" = {getattr(mesh, key)!r}"
+    why = "; it is the way rolled in time.end and mesh.margin at either end" * ("zone" in error)
+    return f"mesh.{key}{told}: {error}{why}"
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
@@ -262,32 +374,9 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     from meshes.wheel_rail.sleepers import sleepers
     from meshes.wheel_rail.wheelset import wheelset
 
-    position = placement_of(scene)
-    zone = rolling_zone(scene)
-    start = mesh.start
-    tread, head, base = profiles_of(mesh)
-    strips = strips_of(scene)
-    wheel = wheelset(
-        size=mesh.size,
-        zone=zone,
-        design=mesh.wheel_design,
-        radius=mesh.wheel_radius,
-        profile=tread,
-        touch=position.tread_s,
-        strip=strips["wheel"],
-    )
-    track = rail(
-        mesh.rail_length,
-        -mesh.rail_length / 2 - start,
-        size=mesh.size,
-        zone=zone,
-        inclination=mesh.inclination,
-        gauge=mesh.gauge,
-        profile=head,
-        design=base,
-        touch=position.tread_rail_s,
-        strip=strips["rail"],
-    )
+    position, wheel_plan, rail_plan = plans(mesh, yaw_of(scene), rolling_zone(scene))
+    wheel = wheelset(**wheel_plan)
+    track = rail(inclination=mesh.inclination, gauge=mesh.gauge, **rail_plan)
     if mesh.sleepers is None:
         return join(placed(wheel, position), track), position
     foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]

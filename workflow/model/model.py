@@ -16,14 +16,18 @@ from forms.elements import Law
 from forms.simd.native import host_of
 from forms.springs.connections import Connections
 from meshes.domain import Domain
+from meshes.hexmesh import HexMesh
+from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
-from workflow.model.geometry import domain_of
+from workflow.model.checks import check, check_step
+from workflow.model.geometry import domain_of, on_root
 from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene import Scene, SceneError
+from workflow.scene.mesh import FileMesh
 
 if TYPE_CHECKING:
     from contact import ContactPair
@@ -50,6 +54,7 @@ class Model:
         dt, dt_bound: Step and its bound [s].
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
+        doubts: What is likely to go wrong with its settings, in words.
         own_laws: Laws and items that are not the scene's: the name of each by body, contact or
             place in the list.
     """
@@ -66,6 +71,7 @@ class Model:
     dt_bound: float
     placement: Any = None
     added_mass: "AddedMass | None" = None
+    doubts: list[str] = field(default_factory=list)
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -110,17 +116,20 @@ def build(
     """
     host_of(comm)
     own = {**(laws or {}), **(friction or {})}
+    doubtful = [] if (read := isinstance(scene.mesh, FileMesh)) else told(scene, None, comm, log)
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log)
+    if read:
+        doubtful = told(scene, domain.source, comm, log)
     with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
-        attach(model, friction)
+        model.doubts += doubtful
+        check_step(scene, model.dt)
+        attach(model, friction, log)
         for k, make in enumerate(items, 1):
             model.items.append(make(model))
             own[f"item {k}"] = make
     model.own_laws = {name: name_of(law) for name, law in own.items()}
-    for line in model.bodies.doubts():
-        log(line)
     if reason := model.internal.kernel.engine.reason:
         log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
@@ -128,6 +137,24 @@ def build(
         f"{model.dt_bound * 1e9:.1f} ns"
     )
     return model
+
+
+def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[str]:
+    """Check a scene, log what it costs and what is doubtful, and return the latter; collective.
+
+    Raises:
+        SceneError: on all ranks.
+    """
+
+    def work() -> list[str]:
+        cost = check(scene, mesh)
+        log(f"cost: {cost}")
+        return list(doubts(scene, cost))
+
+    found: list[str] = comm.bcast(on_root(comm, work))
+    for line in found:
+        log(f"doubt: {line}")
+    return found
 
 
 def name_of(law: Any) -> str:
@@ -200,17 +227,29 @@ def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
         yield InternalForce(-viscous, V, precision, damped=True, stored={})
 
 
-def attach(model: Model, friction: "Mapping[str, FrictionLaw] | None" = None) -> None:
+def attach(
+    model: Model,
+    friction: "Mapping[str, FrictionLaw] | None" = None,
+    log: Log = lambda line: None,
+) -> None:
     """Attach the contact pairs that the scene names; ``friction`` laws by pair in place of its own.
 
     The contact package is imported here, for scenes that have contact.
+
+    Raises:
+        SceneError: if surfaces overlap at the start, or cannot meet.
     """
     contacts, own = model.scene.contacts, dict(friction or {})
     if unknown := sorted(own.keys() - contacts):
         raise SceneError(f"friction = {unknown}: expected contacts of {list(contacts)}")
     if not contacts:
         return
-    from workflow.model.contacts import pair
+    from workflow.model.contacts import checked_pair
 
     for name in contacts:
-        model.items.append(pair(model.bodies, name, model.mass.array, model.dt, own.get(name)))
+        law = own.get(name)
+        pair, doubtful = checked_pair(model.bodies, name, model.mass.array, model.dt, law)
+        model.items.append(pair)
+        model.doubts += doubtful
+        for line in doubtful:
+            log(f"doubt: {line}")

@@ -20,6 +20,8 @@ from workflow.scene.units import (
     Speed,
 )
 
+LINEAR = ("hooke", "orthotropic")  # laws that follow the kinematics of their body
+
 Axis = tuple[Component, Component, Component]
 
 
@@ -44,7 +46,7 @@ def fit(law: str, kinematics: str) -> tuple[str, bool]:
         law: Name of the law.
         kinematics: That of the body, which Hooke's law follows.
     """
-    if law in ("hooke", "orthotropic"):
+    if law in LINEAR:
         return kinematics, law == "hooke" and kinematics == "small-strain"
     if law == "neo-hookean":
         return "total-lagrangian", True
@@ -116,6 +118,8 @@ class BulkViscosity(Section):
 class Body(Section):
     """Regions of the mesh that share a material, an element and kinematics.
 
+    ``kinematics``, if left out, is ``total-lagrangian`` for a body that the scene makes turn by
+    ``rolling`` or ``driven``, else ``small-strain``.
     ``element`` is ``full`` (2x2x2 points), ``one-point`` with hourglass control (its stiffness from
     the material unless ``hourglass_coefficient`` is given) or ``selective``, which does not lock at
     Poisson ratios near 1/2.

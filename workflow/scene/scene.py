@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, model_validator
 
 from workflow.scene import keys
-from workflow.scene.bodies import Body, fit
+from workflow.scene.bodies import LINEAR, Body, fit
 from workflow.scene.contacts import law_of
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
 from workflow.scene.settings import (
@@ -60,9 +60,26 @@ class Scene(Section):
     guards: Guards = Guards()
     output: Output = Output()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _kinematics_follow(cls, data: Any) -> Any:
+        """Fill in kinematics that are left out: those for rotation in bodies that turn."""
+        if not (isinstance(data, Mapping) and isinstance(data.get("bodies"), Mapping)):
+            return data
+        bodies = dict(data["bodies"])
+        for name, body in bodies.items():
+            if isinstance(body, Mapping) and "kinematics" not in body and turns(data, name):
+                bodies[name] = {**body, "kinematics": "total-lagrangian"}
+        return {**data, "bodies": bodies}
+
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
-        if wrong := [*self._unknown_names(), *self._unfit_bodies(), *self._unfit_friction()]:
+        if wrong := [
+            *self._unknown_names(),
+            *self._unfit_bodies(),
+            *self._unfit_contacts(),
+            *self._unfit_friction(),
+        ]:
             raise ValueError("\n".join(wrong))
         if self.rolling:
             if self.rolling.body not in self.bodies:
@@ -147,6 +164,16 @@ class Scene(Section):
                     f"got {body.element!r}"
                 )
 
+    def _unfit_contacts(self) -> Iterator[str]:
+        """Yield a line for every contact of a surface with itself."""
+        for name, contact in self.contacts.items():
+            target = contact.target
+            if isinstance(target, str) and target.lower() == contact.contactor.lower():
+                yield (
+                    f"contacts.{name}.target = {target!r}: expected another surface than the "
+                    "contactor"
+                )
+
     def _unfit_friction(self) -> Iterator[str]:
         """Yield a line for every friction law that cannot be used."""
         for name, contact in self.contacts.items():
@@ -212,6 +239,19 @@ class Scene(Section):
     def tables(self) -> dict[str, Any]:
         """Return the fully resolved scene as nested tables without empty entries."""
         return self.model_dump(mode="json", exclude_none=True)
+
+
+def turns(tables: Mapping[str, Any], body: str) -> bool:
+    """Tell whether the tables of a scene, unchecked, make a body with Hooke's law turn."""
+    material = tables["bodies"][body].get("material")
+    if isinstance(material, Mapping) and material.get("law", "hooke") not in LINEAR:
+        return False  # its law has kinematics of its own
+    rolling, driven = tables.get("rolling"), tables.get("driven")
+    if isinstance(rolling, Mapping) and rolling.get("body") == body and rolling.get("speed"):
+        return True
+    entry = driven.get(body) if isinstance(driven, Mapping) else None
+    spin = entry.get("spin") if isinstance(entry, Mapping) else None
+    return isinstance(spin, list | tuple) and any(spin)
 
 
 def names() -> list[str]:

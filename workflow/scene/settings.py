@@ -2,9 +2,10 @@
 """Tables of contacts, supports, loads, motion, time, guards and output."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from math import hypot
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflow.scene.contacts import FrictionLaw
 from workflow.scene.units import (
@@ -25,6 +26,7 @@ from workflow.scene.units import (
     Spin,
     Step,
     Stress,
+    Tolerance,
 )
 
 
@@ -34,6 +36,32 @@ class RigidWall(Section):
     origin: tuple[Position, Position, Position]
     normal: tuple[Component, Component, Component]
     half_width: Length
+
+    @model_validator(mode="after")
+    def _has_a_side(self) -> Self:
+        if not hypot(*self.normal) > 1e-9:
+            raise ValueError(
+                f"contacts: target.normal = {list(self.normal)}: expected a direction, the one "
+                "from the wall to the contactor"
+            )
+        return self
+
+
+def _target(value: Any) -> str | None:
+    """Return which kind of target is meant, None if it is none."""
+    if isinstance(value, str):
+        return "surface"
+    return "wall" if isinstance(value, dict | RigidWall) else None
+
+
+Target = Annotated[
+    Annotated[str, Tag("surface")] | Annotated[RigidWall, Tag("wall")],
+    Discriminator(
+        _target,
+        custom_error_type="target",
+        custom_error_message="the name of a surface, or a table with origin, normal, half_width",
+    ),
+]
 
 
 class Contact(Section):
@@ -50,7 +78,7 @@ class Contact(Section):
     """
 
     contactor: str
-    target: str | RigidWall
+    target: Target
     friction: FrictionLaw = 0.0
     method: Literal["penalty", "modulus-penalty", "implicit-penalty", "lagrange"] = "penalty"
     penalty: Factor = 0.2
@@ -235,8 +263,8 @@ class Guards(Section):
     exchanged; ``penetration`` is a share of the contactor's cell at the node.
     """
 
-    energy_error: Factor = 0.05
-    penetration: Factor = 0.5
+    energy_error: Tolerance = 0.05
+    penetration: Tolerance = 0.5
     check_interval: Count = 50
 
 

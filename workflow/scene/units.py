@@ -4,40 +4,59 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+LEAST, MOST = 1e-18, 1e18  # squares, products and quotients of such numbers are finite
+
+
+def _not_huge(value: float) -> float:
+    if abs(value) > MOST:
+        raise PydanticCustomError("size", f"a size of at most {MOST:g}")
+    return value
+
+
+def _not_tiny(value: float) -> float:
+    if value < LEAST:
+        raise PydanticCustomError("size", f"a size of at least {LEAST:g}")
+    return value
+
+
+BOUNDED, SIZED = AfterValidator(_not_huge), AfterValidator(_not_tiny)
 
 
 def _number(unit: str, **limits: Any) -> Any:
     return Field(strict=True, allow_inf_nan=False, json_schema_extra={"unit": unit}, **limits)
 
 
-Length = Annotated[float, _number("m", gt=0)]
-Distance = Annotated[float, _number("m", ge=0)]
-Position = Annotated[float, _number("m")]
-Angle = Annotated[float, _number("rad", ge=-0.2, le=0.2)]
-Slope = Annotated[float, _number("-", ge=0, le=0.2)]
-Duration = Annotated[float, _number("s", gt=0)]
-Delay = Annotated[float, _number("s", ge=0)]
-Minutes = Annotated[float, _number("min", ge=0)]
-Mass = Annotated[float, _number("kg", gt=0)]
-Modulus = Annotated[float, _number("Pa", gt=0)]
-Stress = Annotated[float, _number("Pa")]
-Ratio = Annotated[float, _number("-", ge=0, lt=0.5)]
-Density = Annotated[float, _number("kg/m^3", gt=0)]
-Speed = Annotated[float, _number("m/s")]
-Spin = Annotated[float, _number("rad/s")]
-Acceleration = Annotated[float, _number("m/s^2")]
-Stiffness = Annotated[float, _number("N/m", ge=0)]
-Damping = Annotated[float, _number("N s/m", ge=0)]
-Rate = Annotated[float, _number("1/s", ge=0)]
-Friction = Annotated[float, _number("-", ge=0)]
-SlipRate = Annotated[float, _number("m/s", ge=0)]
-SlipSpeed = Annotated[float, _number("m/s", gt=0)]
-Factor = Annotated[float, _number("-", gt=0)]
-Share = Annotated[float, _number("-", ge=0)]
-Growth = Annotated[float, _number("-", ge=1, le=2)]
-Component = Annotated[float, _number("-")]
-Step = Annotated[float, _number("-", gt=0, le=1.2)]
+Length = Annotated[float, _number("m", gt=0), BOUNDED, SIZED]
+Distance = Annotated[float, _number("m", ge=0), BOUNDED]
+Position = Annotated[float, _number("m"), BOUNDED]
+Angle = Annotated[float, _number("rad", ge=-0.2, le=0.2), BOUNDED]
+Slope = Annotated[float, _number("-", ge=0, le=0.2), BOUNDED]
+Duration = Annotated[float, _number("s", gt=0), BOUNDED, SIZED]
+Delay = Annotated[float, _number("s", ge=0), BOUNDED]
+Minutes = Annotated[float, _number("min", ge=0), BOUNDED]
+Mass = Annotated[float, _number("kg", gt=0), BOUNDED, SIZED]
+Modulus = Annotated[float, _number("Pa", gt=0), BOUNDED, SIZED]
+Stress = Annotated[float, _number("Pa"), BOUNDED]
+Ratio = Annotated[float, _number("-", ge=0, lt=0.5), BOUNDED]
+Density = Annotated[float, _number("kg/m^3", gt=0), BOUNDED, SIZED]
+Speed = Annotated[float, _number("m/s"), BOUNDED]
+Spin = Annotated[float, _number("rad/s"), BOUNDED]
+Acceleration = Annotated[float, _number("m/s^2"), BOUNDED]
+Stiffness = Annotated[float, _number("N/m", ge=0), BOUNDED]
+Damping = Annotated[float, _number("N s/m", ge=0), BOUNDED]
+Rate = Annotated[float, _number("1/s", ge=0), BOUNDED]
+Friction = Annotated[float, _number("-", ge=0), BOUNDED]
+SlipRate = Annotated[float, _number("m/s", ge=0), BOUNDED]
+SlipSpeed = Annotated[float, _number("m/s", gt=0), BOUNDED, SIZED]
+Factor = Annotated[float, _number("-", gt=0), BOUNDED, SIZED]
+Tolerance = Annotated[float, _number("-", gt=0)]
+Share = Annotated[float, _number("-", ge=0), BOUNDED]
+Growth = Annotated[float, _number("-", ge=1, le=2), BOUNDED]
+Component = Annotated[float, _number("-"), BOUNDED]
+Step = Annotated[float, _number("-", gt=0, le=1.2), BOUNDED, SIZED]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Direction = Literal["x", "y", "z", "axle"]
 

@@ -1,29 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""State that a run starts from: bodies apart, at rest under their loads, then set in motion."""
+"""State that a run starts from: at rest under its loads, then set in motion."""
 
 import numpy as np
 
 from workflow.model import Model
-from workflow.model.geometry import cell_size
 from workflow.model.supports import axle
-from workflow.scene import SceneError
 from workflow.scene.settings import Equilibrium
 from workflow.simulation import prescribed, rolling
 from workflow.simulation.at_rest import AtRest, Log, move
-
-
-def check_apart(model: Model) -> None:
-    """Refuse bodies that overlap by more than a hundredth of a cell before the run."""
-    size = cell_size(model.scene, model.domain.source)
-    limit, look = 0.01 * size, 50 * size
-    for name, pair in model.pairs.items():
-        depth, node, place = pair.penetration(model.state, look)
-        if depth > limit:
-            x, y, z = place
-            raise SceneError(
-                f"contacts.{name}: bodies overlap at the start by {depth:.3e} m at node {node} "
-                f"(x = {x:.5f}, y = {y:.5f}, z = {z:.5f} m); expected at most {limit:.1e} m"
-            )
 
 
 def rest(model: Model, log: Log = lambda line: None) -> int:

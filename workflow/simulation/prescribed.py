@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Prescribed motion: bodies carried by a surface in steady rigid motion, supports that move."""
+"""Prescribed motion: bodies carried by a surface in steady rigid motion, supports that move.
 
-from collections.abc import Mapping
+A way that changes is followed exactly: the acceleration of a step is the difference of the places
+around it, so that nodes are on their way at every step and have its speed at the end of a ramp.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +24,19 @@ from workflow.scene.settings import Driven, Support
 from workflow.simulation.rolling import convected
 
 NOWHERE = np.zeros(3)
+
+
+def difference[T: (float, Array)](place: Callable[[float], T], t: float, dt: float) -> T:
+    """Return the acceleration that keeps central differences on a way from rest [m/s²].
+
+    Args:
+        place: The way by time [m].
+        t: A time of the steps, which begin with 0 [s].
+        dt: Step [s].
+    """
+    if t < dt / 2:  # the first step: at rest before it
+        return 2.0 / dt**2 * (place(dt) - place(0.0))
+    return (place(t + dt) - 2.0 * place(t) + place(t - dt)) / dt**2
 
 
 class Carried:
@@ -72,20 +90,10 @@ class Carried:
         """Return the present places of nodes, shape ``(n, 3)`` [m]."""
         return np.asarray(self.reference[dofs] + self.state.u.x.array.reshape(-1, 3)[dofs])
 
-    def shift(self, t: float) -> tuple[Array, Array]:
-        """Return what of the shift is done and its acceleration: a quintic from rest to rest.
-
-        Shapes ``(3,)`` [m] and [m/s²].
-        """
-        if self.still:
-            return NOWHERE, NOWHERE
-        way, time = np.array(self.entry.shift), self.entry.shift_time
-        if not 0 < t < time:
-            return (way if t > 0 else 0 * way), 0 * way
-        s = t / time
-        return way * s**3 * (10 - 15 * s + 6 * s**2), way / time**2 * s * (
-            60 - 180 * s + 120 * s**2
-        )
+    def shift(self, t: float) -> Array:
+        """Return what of the shift is done: a quintic from rest to rest, shape ``(3,)`` [m]."""
+        s = min(max(t / self.entry.shift_time, 0.0), 1.0)
+        return np.asarray(np.array(self.entry.shift) * s**3 * (10 - 15 * s + 6 * s**2))
 
     def steer(self, a: la.Vector, free: Array) -> None:
         """Set the acceleration of the rigid motion, in place, and count the work so far.
@@ -94,7 +102,9 @@ class Carried:
         the free acceleration, does the work ``(R₋ + R) / 2 · dt v`` on the way from the last step.
         """
         state, index = self.state, self.index
-        moved, pull = self.shift(state.t)
+        moved, pull = NOWHERE, NOWHERE
+        if not self.still:
+            moved, pull = self.shift(state.t), difference(self.shift, state.t, self.dt)
         if self.spins:
             held = state.u.x.array[index]
             held += self.arm - (self.velocity * state.t + moved)
@@ -192,6 +202,14 @@ def start(model: Model) -> None:
         v[carried.dofs] = carried.rigid(carried.dofs)
 
 
+def way(entry: Support, t: float) -> float:
+    """Return how far a moved support has come at a time [m]."""
+    s = (t - entry.begin) / entry.ramp
+    if s >= 1:
+        return entry.velocity * entry.ramp * (s - 0.5)
+    return entry.velocity * entry.ramp * max(s, 0.0) ** 4 * (2.5 - 3 * s + s**2)
+
+
 class Moved:
     """Nodes held along a direction whose speed there changes once, and the work of what does it.
 
@@ -211,9 +229,10 @@ class Moved:
         self.work, self.reaction = 0.0, float("nan")
 
     def acceleration(self, t: float) -> float:
-        """Return the prescribed acceleration at a time [m/s²]."""
-        s = (t - self.entry.begin) / self.entry.ramp
-        return self.entry.velocity / self.entry.ramp * 30 * (s * (1 - s)) ** 2 if 0 < s < 1 else 0.0
+        """Return the prescribed acceleration at a step [m/s²]; none off the ramp."""
+        begin, dt = self.entry.begin, self.dt
+        on = begin - dt < t < begin + self.entry.ramp + dt
+        return difference(partial(way, self.entry), t, dt) if on else 0.0
 
     def free(self, a: la.Vector) -> Array:
         """Return the acceleration that the other forces give the nodes, shape ``(n,)`` [m/s²]."""

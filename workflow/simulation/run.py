@@ -22,7 +22,7 @@ from workflow.results.writer import Results
 from workflow.scene import Scene
 from workflow.simulation import checkpoint, guards, stepping
 from workflow.simulation.energy import Ledger
-from workflow.simulation.initial import check_apart, start
+from workflow.simulation.initial import start
 from workflow.simulation.progress import Clock, Progress
 from workflow.simulation.summary import answers, output, summarise
 from workflow.simulation.threads import one_per_rank
@@ -113,8 +113,6 @@ def made(
     model.scene = scene
     if point is not None:
         point.fits(model)
-    else:
-        check_apart(model)
     return model, clock
 
 

@@ -2,6 +2,7 @@
 """Study: many runs of one or several scenes as a checked table of parameters."""
 
 import itertools
+import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -17,6 +18,7 @@ from workflow.scene.scene import Scene, SceneError
 from workflow.scene.scene import read as read_scene
 from workflow.scene.units import Count, Section, explain
 
+MOST_RUNS = 10_000
 OWN = ("scene", "ranks")  # keys of a run that are not keys of its scene
 
 
@@ -157,6 +159,7 @@ def runs_of(study: Study, changes: Mapping[str, Any] | None = None) -> list[Run]
     """
     found, wrong = [], []
     for part in study.parts:
+        _check_size(part)
         for label, row in _points(part):
             name = _slug("_".join(filter(None, (part.name, label))))
             if both := [key for key in row if key in (changes or {})]:
@@ -172,9 +175,20 @@ def runs_of(study: Study, changes: Mapping[str, Any] | None = None) -> list[Run]
     return found
 
 
+def _check_size(part: Group) -> None:
+    """Raise SceneError for a group of more runs than anybody waits for, before one is listed."""
+    grid = {key: len(v) for key, v in keys.flat(part.vary) if isinstance(v, list)}
+    count = math.prod(grid.values()) * max(1, len(part.runs))
+    if count > MOST_RUNS:
+        times = " times ".join(f"{n} of {key}" for key, n in grid.items())
+        where = f"groups.{part.name}.vary" if part.name else "vary"
+        rows = f", with {len(part.runs)} rows of runs" * bool(part.runs)
+        raise SceneError(f"{where}: {count:.3g} runs ({times}{rows}); expected at most {MOST_RUNS}")
+
+
 def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str, Any]) -> Run:
     """Return a run with its scene checked."""
-    from workflow.model.geometry import check_profiles  # a list of studies needs no meshing
+    from workflow.model.checks import check  # a list of studies needs no meshing
 
     ranks, source = row.get("ranks", part.ranks), row.get("scene", part.scene)
     if not isinstance(source, str):
@@ -186,7 +200,7 @@ def _run(name: str, label: str, part: Group, row: dict[str, Any], over: dict[str
     for changes in (keys.nested(part.set), own, keys.nested(over)):
         tables = keys.joined(tables, changes)
     scene = Scene.check(tables)
-    check_profiles(scene)
+    check(scene)
     return Run(name, part.name, label, scene, ranks, row)
 
 
