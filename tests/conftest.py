@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -25,8 +26,11 @@ from workflow.cli import main
 from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
-from workflow.simulation.ranks import mpi_command, mpiexec
+from workflow.simulation.ranks import mpi_command, mpiexec, tie
 from workflow.stability import limits
+
+# two ranks on a machine with one core are a test as well
+os.environ["SQUEALX_OVERSUBSCRIBE"] = "1"
 
 # workers that compile the same form wait for each other for as long as it takes
 _, _words = jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]
@@ -79,7 +83,8 @@ def mpirun() -> Callable[..., Done]:
     """Run Python on ranks: ``mpirun(2, "-m", "workflow.cli", "run", "bar-wave")``.
 
     The words are those of the interpreter (``-c`` and a snippet, ``-m`` and a module, a file). One
-    rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``.
+    rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``;
+    none outlives the tests.
     """
     launcher = mpiexec()
 
@@ -90,9 +95,8 @@ def mpirun() -> Callable[..., Done]:
             pytest.skip("needs mpiexec beside python or on PATH")
         python = mpi_command(ranks, []) if ranks > 1 else [sys.executable]
         command = [*python, *map(str, words)]
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=timeout, check=False, **options
-        )
+        options = {"preexec_fn": tie(signal.SIGKILL), "timeout": timeout} | options
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
         assert not check or done.returncode == 0, done.stdout + done.stderr
         return done
 

@@ -14,8 +14,10 @@ import pytest
 import tomli_w
 
 from workflow import Scene
+from workflow.results.lock import locked
 from workflow.results.record import Record
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import tie
 from workflow.study import folder, jobs, study
 from workflow.study.figures import COMPARISONS
 from workflow.study.table import worst_of_patches
@@ -228,10 +230,12 @@ def test_a_killed_study_goes_on(told, written, tmp_path):
         "--out",
         str(out),
     ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=tie()
+    )
     try:
         until(lambda: (run / "checkpoint" / "state.npz").exists())
-        with pytest.raises(SceneError, match="another squealx study"), folder.locked(out):
+        with pytest.raises(SceneError, match="another squealx study"), locked(out, "a test"):
             pass
     finally:
         for pid in [process.pid, *below(process.pid)]:
@@ -281,16 +285,18 @@ def test_an_interrupted_study_leaves_nothing_behind(written, tmp_path):
         "--out",
         str(out),
     ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=tie()
+    )
     try:
         until(lambda: folder.share(out, "safety=0.4") > 0)
         family = below(process.pid)
     finally:
         process.terminate()
         process.communicate(timeout=200)
-    assert process.returncode == 128 + signal.SIGTERM and len(family) >= 2
+    assert process.returncode == 130 and len(family) >= 2
     assert not [pid for pid in family if os.path.exists(f"/proc/{pid}")]
-    with folder.locked(out):
+    with locked(out, "a test"):
         assert folder.state(out, "safety=0.4") != "done"
 
 

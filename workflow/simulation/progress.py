@@ -50,7 +50,7 @@ class Progress:
         self._keep(line)
 
     def keep_in(self, path: Path) -> None:
-        """Write the log to ``path`` from now on, behind what it holds; what was said so far first."""
+        """Write the log to the end of ``path`` from now on, what was said so far first."""
         if self.root:
             with contextlib.suppress(OSError):
                 self.file = path.open("a", encoding="utf-8")

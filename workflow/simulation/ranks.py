@@ -87,20 +87,21 @@ def mpi_command(ranks: int, words: Sequence[str]) -> list[str]:
     return [launcher, "-n", str(ranks), sys.executable, *words]
 
 
-def tied(number: int = signal.SIGTERM) -> dict[str, Any]:
-    """Return the options of ``subprocess`` for a child that does not outlive this process.
+def tied() -> dict[str, Any]:
+    """Return the options of ``subprocess`` for a Python or its launcher, tied to this process."""
+    return {"preexec_fn": tie(), "env": os.environ | OWN_MODULES}
 
-    Args:
-        number: The signal that the child gets when this process is gone.
-    """
+
+def tie(number: int = signal.SIGTERM) -> Callable[[], None]:
+    """Return what a child calls first, so that it gets a signal when this process is gone."""
     parent = os.getpid()
 
-    def tie() -> None:
+    def first() -> None:
         end_with_parent(number)
         if os.getppid() != parent:  # gone already
             os.kill(os.getpid(), number)
 
-    return {"preexec_fn": tie, "env": os.environ | OWN_MODULES}
+    return first
 
 
 def end(message: str, code: int) -> None:
