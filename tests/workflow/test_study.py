@@ -7,12 +7,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import tomli_w
 
+from tests.processes import below, until
 from workflow import Scene
 from workflow.results.lock import locked
 from workflow.results.record import Record
@@ -250,24 +250,6 @@ def test_a_killed_study_goes_on(told, written, tmp_path):
     assert told("run", out / "scenes" / "safety=0.4.toml", "--out", alone)[0] == 0
     for name, column in Record(alone).history.items():
         np.testing.assert_array_equal(column, Record(run).history[name])
-
-
-def until(happens, seconds=200.0):
-    """Wait until something is so."""
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end, "did not happen"
-        time.sleep(0.02)
-
-
-def below(parent: int) -> list[int]:
-    """Processes that a process has started, and those that they have, parents first."""
-    found = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True)
-    pairs = [tuple(map(int, line.split())) for line in found.stdout.splitlines()]
-    family = [parent]
-    for member in family:
-        family += [pid for pid, above in pairs if above == member]
-    return family[1:]
 
 
 @pytest.mark.slow
