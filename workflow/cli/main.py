@@ -97,10 +97,11 @@ def run(
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import check_free
+        from workflow.results.folder import kept
 
         check_ranks(ranks, oversubscribe)
-        check_free(folder, resume)
+        with kept(folder, "squealx run", resume=resume):
+            pass  # refused once, before there are ranks
         verb = ("run", "--resume") if resume else ("run",)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, verb))
     from mpi4py import MPI

@@ -142,10 +142,11 @@ def modes(
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-modes"
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import check_free
+        from workflow.results.folder import kept
 
         check_ranks(ranks, oversubscribe)
-        check_free(folder)
+        with kept(folder, "squealx modes"):
+            pass  # refused once, before there are ranks
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
         words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))

@@ -80,26 +80,32 @@ def outputs_in(folder: Path) -> int:
 
 
 @contextlib.contextmanager
-def occupied(out: str | Path, comm: MPI.Comm, who: str, *, resume: bool = False) -> Iterator[Path]:
-    """Hold a result folder that rank 0 finds free for as long as the work inside takes.
+def kept(out: str | Path, who: str, *, resume: bool = False) -> Iterator[Path]:
+    """Keep a result folder for the work inside; yield it.
 
     Args:
         out: The folder.
-        comm: Ranks that share the work.
         who: What is at work, for the message of whoever comes second.
         resume: Whether it may hold a run.
 
     Raises:
-        SceneError: on all ranks, if it is not free, or if somebody is at work there.
+        SceneError: if somebody is at work there, if it holds a run or cannot be written.
     """
+    path = check_free(out, resume=True)
+    with locked(path, who):
+        if not resume:
+            check_empty(path)
+        yield path
+
+
+@contextlib.contextmanager
+def occupied(out: str | Path, comm: MPI.Comm, who: str, *, resume: bool = False) -> Iterator[Path]:
+    """Keep a result folder on rank 0, as :func:`kept` does; raise alike on all ranks."""
     with contextlib.ExitStack() as stack:
         error = None
         if comm.rank == 0:
             try:
-                path = check_free(out, resume)
-                stack.enter_context(locked(path, who))
-                if not resume:
-                    check_empty(path)  # of a run that began and ended since
+                stack.enter_context(kept(out, who, resume=resume))
             except SceneError as caught:
                 error = caught
         error = comm.bcast(error)

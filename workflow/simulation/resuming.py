@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from workflow.results.folder import outputs_in, put_aside
 from workflow.scene import Scene, SceneError
-from workflow.simulation.checkpoint import Checkpoint, check_same, read
+from workflow.simulation.checkpoint import Checkpoint, check_same, file_of, read
 
 
 def finished(folder: Path, scene: Scene, comm: MPI.Comm) -> dict[str, Any] | None:
@@ -44,6 +44,13 @@ def point_of(
         if aside is not None:
             log(f"resume: outputs that were there are kept in {aside}")
     return point
+
+
+def how_to_go_on(folder: Path) -> str:
+    """Return what can be done with a finished run, in words."""
+    if file_of(folder).exists():
+        return "finished before, left as it is; a later time.end goes on from its checkpoint"
+    return "finished before, left as it is; without a checkpoint it cannot be prolonged"
 
 
 def on_all(comm: MPI.Comm, work: Callable[[], Any]) -> Any:

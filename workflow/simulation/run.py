@@ -27,7 +27,7 @@ from workflow.simulation.energy import Ledger
 from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
-from workflow.simulation.resuming import finished, point_of
+from workflow.simulation.resuming import finished, how_to_go_on, point_of
 from workflow.simulation.summary import answers, output, summarise
 from workflow.simulation.threads import one_per_rank
 
@@ -94,7 +94,7 @@ def run(
         point = None
         if resume:
             if (summary := finished(folder, scene, comm)) is not None:
-                progress.log(f"{folder}: finished before, left as it is; a later time.end goes on")
+                progress.log(f"{folder}: {how_to_go_on(folder)}")
                 return Result(folder, summary)
             point = point_of(folder, scene, comm, progress.log)
         with one_per_rank() as threads:
@@ -191,7 +191,7 @@ def status_of(failure: BaseException | None) -> str:
     if isinstance(failure, interrupts.Interrupted):
         return str(failure)
     if isinstance(failure, RuntimeError | MemoryError):
-        return f"stopped: {failure or 'out of memory'}"
+        return f"stopped: {str(failure) or 'out of memory'}"
     return f"failed: {type(failure).__name__}: {failure}"
 
 
