@@ -26,6 +26,7 @@ from workflow.cli import main
 from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
+from workflow.simulation.interrupts import Interrupted
 from workflow.simulation.ranks import mpi_command, mpiexec, tie
 from workflow.stability import limits
 
@@ -55,6 +56,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     size = Counter(item.path for item in items)
     items.sort(key=lambda item: -slow[item.path] / size[item.path])
+
+
+def pytest_exception_interact(call: pytest.CallInfo[Any]) -> None:
+    """End the tests where a signal has ended a run in this process."""
+    if call.excinfo is not None and isinstance(call.excinfo.value, Interrupted):
+        pytest.exit(str(call.excinfo.value), 130)
 
 
 @pytest.fixture
