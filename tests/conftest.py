@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -25,8 +26,12 @@ from workflow.cli import main
 from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
-from workflow.simulation.ranks import mpi_command, mpiexec
+from workflow.simulation.interrupts import Interrupted
+from workflow.simulation.ranks import mpi_command, mpiexec, tie
 from workflow.stability import limits
+
+# two ranks on a machine with one core are a test as well
+os.environ["SQUEALX_OVERSUBSCRIBE"] = "1"
 
 # workers that compile the same form wait for each other for as long as it takes
 _, _words = jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]
@@ -51,6 +56,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     size = Counter(item.path for item in items)
     items.sort(key=lambda item: -slow[item.path] / size[item.path])
+
+
+def pytest_exception_interact(call: pytest.CallInfo[Any]) -> None:
+    """End the tests where a signal has ended a run in this process."""
+    if call.excinfo is not None and isinstance(call.excinfo.value, Interrupted):
+        pytest.exit(str(call.excinfo.value), 130)
 
 
 @pytest.fixture
@@ -79,7 +90,8 @@ def mpirun() -> Callable[..., Done]:
     """Run Python on ranks: ``mpirun(2, "-m", "workflow.cli", "run", "bar-wave")``.
 
     The words are those of the interpreter (``-c`` and a snippet, ``-m`` and a module, a file). One
-    rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``.
+    rank is a process without ``mpiexec``. A process that fails is an error, unless ``check=False``;
+    none outlives the tests.
     """
     launcher = mpiexec()
 
@@ -90,9 +102,8 @@ def mpirun() -> Callable[..., Done]:
             pytest.skip("needs mpiexec beside python or on PATH")
         python = mpi_command(ranks, []) if ranks > 1 else [sys.executable]
         command = [*python, *map(str, words)]
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=timeout, check=False, **options
-        )
+        options = {"preexec_fn": tie(signal.SIGKILL), "timeout": timeout} | options
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
         assert not check or done.returncode == 0, done.stdout + done.stderr
         return done
 

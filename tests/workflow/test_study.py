@@ -7,15 +7,17 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import tomli_w
 
+from tests.processes import below, until
 from workflow import Scene
+from workflow.results.lock import locked
 from workflow.results.record import Record
 from workflow.scene.scene import SceneError
+from workflow.simulation.ranks import tie
 from workflow.study import folder, jobs, study
 from workflow.study.figures import COMPARISONS
 from workflow.study.table import worst_of_patches
@@ -232,10 +234,12 @@ def test_a_killed_study_goes_on(told, written, tmp_path):
         "--out",
         str(out),
     ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=tie()
+    )
     try:
         until(lambda: (run / "checkpoint" / "state.npz").exists())
-        with pytest.raises(SceneError, match="another squealx study"), folder.locked(out):
+        with pytest.raises(SceneError, match="another squealx study"), locked(out, "a test"):
             pass
     finally:
         for pid in [process.pid, *below(process.pid)]:
@@ -250,24 +254,6 @@ def test_a_killed_study_goes_on(told, written, tmp_path):
     assert told("run", out / "scenes" / "safety=0.4.toml", "--out", alone)[0] == 0
     for name, column in Record(alone).history.items():
         np.testing.assert_array_equal(column, Record(run).history[name])
-
-
-def until(happens, seconds=200.0):
-    """Wait until something is so."""
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end, "did not happen"
-        time.sleep(0.02)
-
-
-def below(parent: int) -> list[int]:
-    """Processes that a process has started, and those that they have, parents first."""
-    found = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True)
-    pairs = [tuple(map(int, line.split())) for line in found.stdout.splitlines()]
-    family = [parent]
-    for member in family:
-        family += [pid for pid, above in pairs if above == member]
-    return family[1:]
 
 
 @pytest.mark.slow
@@ -285,16 +271,18 @@ def test_an_interrupted_study_leaves_nothing_behind(written, tmp_path):
         "--out",
         str(out),
     ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=tie()
+    )
     try:
         until(lambda: folder.share(out, "safety=0.4") > 0)
         family = below(process.pid)
     finally:
         process.terminate()
         process.communicate(timeout=200)
-    assert process.returncode == 128 + signal.SIGTERM and len(family) >= 2
+    assert process.returncode == 130 and len(family) >= 2
     assert not [pid for pid in family if os.path.exists(f"/proc/{pid}")]
-    with folder.locked(out):
+    with locked(out, "a test"):
         assert folder.state(out, "safety=0.4") != "done"
 
 

@@ -7,7 +7,6 @@ the same steps, the static solve is made and timed once, and what is timed is wh
 """
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -24,7 +23,7 @@ import tomli_w
 from workflow.model import Model
 from workflow.scene import Scene
 from workflow.simulation import checkpoint
-from workflow.simulation.ranks import mpi_command
+from workflow.simulation.ranks import mpi_command, tied
 from workflow.simulation.run import run
 
 SCENE = "flange-transition"
@@ -96,9 +95,10 @@ def measure(quick: bool, count: int, log: Callable[[str], Any]) -> dict[str, Any
 
 def told(words: list[str]) -> str:
     """Run a command and return what it printed."""
-    env = {"OMP_NUM_THREADS": "1"} | os.environ
+    options = tied()
+    options["env"] = {"OMP_NUM_THREADS": "1"} | options["env"]
     done = subprocess.run(
-        words, check=True, capture_output=True, text=True, timeout=TIMEOUT, env=env
+        words, check=True, capture_output=True, text=True, timeout=TIMEOUT, **options
     )
     return done.stdout
 

@@ -27,7 +27,7 @@ from workflow.bench import main_scene, roofline
 from workflow.bench import speed_cases as cases
 from workflow.bench.speed_figure import draw
 from workflow.results.table import Column, Table
-from workflow.simulation.ranks import mpi_command
+from workflow.simulation.ranks import mpi_command, tied
 
 TIMEOUT = 300  # for one run on ranks [s]
 PER_RUN = 3  # rounds of steps in each of these runs
@@ -117,6 +117,7 @@ def ranks(n: int, count: int) -> dict[str, Any] | None:
                     capture_output=True,
                     text=True,
                     timeout=TIMEOUT,
+                    **tied(),
                 )
                 found.append(json.loads(done.stdout.splitlines()[-1])["rate"])
     except (subprocess.SubprocessError, OSError):
@@ -134,7 +135,9 @@ def others(n: int, count: int) -> dict[str, Any] | None:
     """Return what :func:`workflow.bench.peers.measure` finds in a process of its own, or None."""
     words = [sys.executable, "-m", "workflow.bench.peers", str(n), str(count)]
     try:
-        done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=TIMEOUT)
+        done = subprocess.run(
+            words, check=True, capture_output=True, text=True, timeout=TIMEOUT, **tied()
+        )
     except (subprocess.SubprocessError, OSError):
         return None
     return dict(json.loads(done.stdout.splitlines()[-1]))

@@ -4,6 +4,7 @@
 import contextlib
 import math
 import os
+import traceback
 from collections.abc import Iterator
 from importlib.metadata import version as package_version
 from pathlib import Path
@@ -13,13 +14,16 @@ import typer
 
 # one thread per rank: the threads of BLAS would fight over the cores of the other ranks
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# signals are ours: PETSc would print a page and exit with their number
+os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 from workflow.cli import model, results, scaling, study
 from workflow.cli.options import (
     EXIT,
     Changes,
     Json,
-    abort,
+    Oversubscribe,
+    Ranks,
     answer,
     catalogue,
     examples,
@@ -29,7 +33,9 @@ from workflow.cli.options import (
     scene_of,
 )
 from workflow.scene.scene import Scene, SceneError, names
-from workflow.simulation.ranks import in_mpi
+from workflow.simulation import interrupts
+from workflow.simulation.ranks import Alone, end, end_with_parent, in_mpi
+from workflow.simulation.ranks import check as check_ranks
 
 if TYPE_CHECKING:
     from workflow.results.table import Table
@@ -77,7 +83,8 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="New folder for the results; runs/NAME if left out.")
     ] = None,
-    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the run.")] = 1,
+    ranks: Ranks = 1,
+    oversubscribe: Oversubscribe = False,
     resume: Annotated[
         bool,
         typer.Option("--resume", help="Go on from the folder's checkpoint, on any ranks."),
@@ -90,9 +97,11 @@ def run(
     checked = load(scene, changes)
     folder = out or Path("runs") / checked.name
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import check_free
+        from workflow.results.folder import kept
 
-        check_free(folder, resume)
+        check_ranks(ranks, oversubscribe)
+        with kept(folder, "squealx run", resume=resume):
+            pass  # refused once, before there are ranks
         verb = ("run", "--resume") if resume else ("run",)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, verb))
     from mpi4py import MPI
@@ -156,16 +165,29 @@ for module in (model, results, scaling, study):
 
 
 def main() -> None:
-    """Run the command line; bad input exits with 2, a run stopped by a guard with 3."""
-    try:
-        app()
-    except SceneError as error:
-        fail(2, str(error))
-    except RuntimeError as error:
-        from workflow.simulation.guards import GuardError
+    """Run the command line; its exit codes are those of ``options.EXIT``."""
+    if in_mpi():
+        end_with_parent()  # the launcher's proxy
+    with interrupts.raised():
+        try:
+            app()
+        except SceneError as error:
+            fail(2, str(error))
+        except interrupts.Interrupted as stop:
+            fail(130, str(stop))
+        except Alone as error:
+            end(str(error), 3)
+        except Exception as error:
+            _failed(error)
 
-        if isinstance(error, GuardError):
-            fail(3, str(error))
-        if in_mpi():
-            abort()
-        raise
+
+def _failed(error: Exception) -> None:
+    """End with what a guard said, or with an error that nobody expected."""
+    from workflow.simulation.guards import GuardError
+
+    if isinstance(error, GuardError):
+        fail(3, str(error))
+    if not in_mpi():
+        raise error
+    traceback.print_exc()
+    fail(3, f"{type(error).__name__}: {error}")

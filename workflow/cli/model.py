@@ -9,6 +9,8 @@ import typer
 from workflow.cli.options import (
     Changes,
     Json,
+    Oversubscribe,
+    Ranks,
     SceneName,
     answer,
     examples,
@@ -17,6 +19,7 @@ from workflow.cli.options import (
     progress,
 )
 from workflow.scene.scene import Scene
+from workflow.simulation.ranks import check as check_ranks
 from workflow.simulation.ranks import in_mpi
 
 verbs = typer.Typer()
@@ -141,16 +144,19 @@ def modes(
         float, typer.Option(metavar="M", help="Cells of the section of the wheel.")
     ] = 0.026 / 3,
     most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
-    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks that share the work.")] = 1,
+    ranks: Ranks = 1,
+    oversubscribe: Oversubscribe = False,
     as_json: Json = False,
 ) -> None:
     """Find all natural modes of a wheel or body up to a frequency: table, shapes, figures."""
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-modes"
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import check_free
+        from workflow.results.folder import kept
 
-        check_free(folder)
+        check_ranks(ranks, oversubscribe)
+        with kept(folder, "squealx modes"):
+            pass  # refused once, before there are ranks
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
         words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))

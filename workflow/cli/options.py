@@ -11,18 +11,22 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.units import takes_text
-from workflow.simulation.ranks import mpi_command
+from workflow.simulation.ranks import alike, call, end, in_mpi, mpi_command
 
 if TYPE_CHECKING:
     from workflow.results.table import Table
 
-EXIT = "Exit codes: 0 done; 2 bad input; 3 stopped by a guard or a full disk, results kept."
+EXIT = (
+    "Exit codes: 0 done; 2 bad input; 3 stopped by a guard, a full disk or an error on one rank, "
+    "results kept; 130 interrupted by SIGINT, SIGTERM or SIGHUP, to go on with --resume."
+)
+EXITS = (0, 1, 2, 3, 130)
 
 SceneName = Annotated[str, typer.Argument(help="Name of a built-in scene, or path of a TOML file.")]
 Changes = Annotated[
@@ -31,6 +35,15 @@ Changes = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Change a key of the scene, e.g. mesh.size=2e-3 (SI, TOML value); may be repeated.",
+    ),
+]
+Ranks = Annotated[int, typer.Option(min=1, help="MPI ranks that share the work.")]
+Oversubscribe = Annotated[
+    bool,
+    typer.Option(
+        "--oversubscribe",
+        envvar="SQUEALX_OVERSUBSCRIBE",
+        help="Allow more ranks than there are cores.",
     ),
 ]
 Json = Annotated[
@@ -99,7 +112,18 @@ def on_ranks(
     for change in changes or []:
         command += ["--set", change]
     command += ["--out", str(folder)] + ["--json"] * as_json
-    return subprocess.run(command, check=False).returncode
+    # launchers tell of their troubles on stdout, where JSON is to be alone
+    done = call(command, stdout=subprocess.PIPE if as_json else None)
+    if as_json:
+        print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
+    if done.returncode in EXITS:
+        return done.returncode
+    print(
+        f"squealx: the ranks ended with code {done.returncode}, killed from outside or for want of "
+        f"memory; what was written is kept: {folder}",
+        file=sys.stderr,
+    )
+    return 3
 
 
 def answer(as_json: bool, found: Any, parts: Callable[[], "Iterable[str | Table]"]) -> None:
@@ -137,19 +161,13 @@ def progress(quiet: bool = False) -> Callable[[str], None]:
     return lambda line: console.print(line, highlight=False, soft_wrap=True)
 
 
-def abort() -> None:
-    """End all ranks after an unexpected error on this one: the others would wait for ever."""
-    import traceback
+def fail(code: int, message: str) -> NoReturn:
+    """Print an error once (rank 0) and exit; one that not all ranks meet ends them all."""
+    if in_mpi():
+        from mpi4py import MPI
 
-    from mpi4py import MPI
-
-    traceback.print_exc()
-    sys.stderr.flush()
-    MPI.COMM_WORLD.Abort(1)
-
-
-def fail(code: int, message: str) -> None:
-    """Print an error once (rank 0) and exit."""
+        if not alike(MPI.COMM_WORLD):
+            end(f"rank {MPI.COMM_WORLD.rank}: {message}", code)
     rank = os.environ.get("PMI_RANK") or os.environ.get("OMPI_COMM_WORLD_RANK") or "0"
     if rank == "0":
         print(f"squealx: {message}", file=sys.stderr)

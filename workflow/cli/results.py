@@ -82,16 +82,16 @@ def stability(
     """Run stiff and extreme cases: a verdict for every cell, limits found against the audit's."""
     if in_mpi():
         raise SceneError("stability: expected to be started without mpiexec; its cells are serial")
-    from workflow.results.folder import check_free
+    from workflow.results.folder import kept
     from workflow.stability.figure import draw
     from workflow.stability.limits import limits
     from workflow.stability.run import counts, matrix
 
-    check_free(out, resume=True)  # cells that are there are gone on from
     log = progress()
-    rows = matrix(out, quick=quick, workers=workers, log=log)
-    table = limits(out, quick=quick, log=log)
-    path = draw(rows, table, out / "stability.png")
+    with kept(out, "squealx stability", resume=True):  # cells that are there are gone on from
+        rows = matrix(out, quick=quick, workers=workers, log=log)
+        table = limits(out, quick=quick, log=log)
+        path = draw(rows, table, out / "stability.png")
     number = counts(rows)
     found = {"verdicts": number, "limits": table, "figure": str(path)}
     line = ", ".join(f"{count} {kind}" for kind, count in number.items())

@@ -6,6 +6,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
@@ -25,10 +26,10 @@ from workflow.modes.labels import Mode, cylindrical, labelled
 from workflow.modes.part import BORE, WHEEL, Part, held_dofs, part_of
 from workflow.modes.solve import Spectrum, nodal_mass, spectrum, stiffness
 from workflow.results.fields import write_mesh
+from workflow.results.folder import occupied
 from workflow.results.table import Column, Table
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
-from workflow.simulation.run import checked
 
 FOURIER = "wheel_modes_fourier.csv"
 
@@ -90,23 +91,25 @@ def modes(
     started = time.perf_counter()
     if not top > 0:
         raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
-    folder = None if out is None else checked(out, comm)
-    chosen = part_of(scene, part, held, size, comm)
-    held_here, bodies = held_dofs(chosen), Bodies(chosen.scene, chosen.domain)
-    mass = nodal_mass(bodies)
-    log(f"{chosen.name}, {chosen.held}: {len(chosen.domain.source.cells)} cells")
-    found = spectrum(chosen.domain, stiffness(bodies), mass, held_here, top, most)
-    if len(found.frequencies) != found.counted:
-        raise RuntimeError(
-            f"modes: found {len(found.frequencies)}, but the inertia counts {found.counted}"
+    with nullcontext() if out is None else occupied(out, comm, "squealx modes") as folder:
+        chosen = part_of(scene, part, held, size, comm)
+        held_here, bodies = held_dofs(chosen), Bodies(chosen.scene, chosen.domain)
+        mass = nodal_mass(bodies)
+        log(f"{chosen.name}, {chosen.held}: {len(chosen.domain.source.cells)} cells")
+        found = spectrum(chosen.domain, stiffness(bodies), mass, held_here, top, most)
+        if len(found.frequencies) != found.counted:
+            raise RuntimeError(
+                f"modes: found {len(found.frequencies)}, but the inertia counts {found.counted}"
+            )
+        log(f"{found.counted} modes up to {top:g} Hz, all of them by inertia")
+        labels, shapes = told_apart(chosen, found, mass)
+        summary = summarise(chosen, bodies, labels, float(comm.allreduce(mass.sum())), top, comm)
+        summary["wall_seconds"] = time.perf_counter() - started
+        result = Modes(
+            summary, labels, chosen.domain.source, shapes, fourier(chosen), _axle(chosen)
         )
-    log(f"{found.counted} modes up to {top:g} Hz, all of them by inertia")
-    labels, shapes = told_apart(chosen, found, mass)
-    summary = summarise(chosen, bodies, labels, float(comm.allreduce(mass.sum())), top, comm)
-    summary["wall_seconds"] = time.perf_counter() - started
-    result = Modes(summary, labels, chosen.domain.source, shapes, fourier(chosen), _axle(chosen))
-    if folder is not None and comm.rank == 0:
-        write(folder, scene, result)
+        if folder is not None and comm.rank == 0:
+            write(folder, scene, result)
     return result
 
 

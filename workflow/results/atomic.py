@@ -203,16 +203,27 @@ def finish(path: Path) -> None:
         content = journal.read_bytes()
     except FileNotFoundError:
         return
-    line, _, body = content.partition(b"\n")
-    head = json.loads(line)
-    if zlib.crc32(body) == head["crc"]:  # else of a disk that lost power: it was never applied
-        writes, at = [], 0
-        for offset, length in head["writes"]:
-            writes.append((offset, body[at : at + length]))
-            at += length
-        _apply(path, writes, head["end"], sync=True)
-    else:
+    found = _changes(content)
+    if found is None:  # of a disk that lost power: it was never applied
         journal.unlink()
+    else:
+        _apply(path, *found, sync=True)
+
+
+def _changes(content: bytes) -> tuple[list[tuple[int, bytes]], int] | None:
+    """Return the writes of a journal and the end of the file after them; None if it is broken."""
+    line, _, body = content.partition(b"\n")
+    writes, at = [], 0
+    try:
+        head = json.loads(line)
+        if zlib.crc32(body) != head["crc"]:
+            return None
+        for offset, length in head["writes"]:
+            writes.append((int(offset), body[at : at + length]))
+            at += length
+        return writes, int(head["end"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _apply(path: Path, writes: list[tuple[int, bytes]], end: int, sync: bool) -> None:

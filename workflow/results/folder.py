@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Result folder: free for a new run, or cut back to its last checkpoint for one that goes on."""
+"""Result folder: held by one run, free for a new one, or cut back to the last checkpoint."""
 
+import contextlib
+import itertools
 import os
+import shlex
+import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +18,8 @@ import h5py
 import numpy as np
 
 from workflow.results import atomic, batch
+from workflow.results.lock import NAME as LOCK
+from workflow.results.lock import locked
 from workflow.scene import SceneError
 
 
@@ -41,11 +47,8 @@ def check_free(folder: str | Path, resume: bool = False) -> Path:
         SceneError: if it holds a run already or cannot be made or written.
     """
     path = Path(folder)
-    held = (path / "scene.toml").exists() or (path / "summary.json").exists()
-    if held and not resume:
-        raise SceneError(
-            f"out = {str(path)!r}: already holds a run; expected a new folder, or --resume"
-        )
+    if not resume:
+        check_empty(path)
     there = next(p for p in (path, *path.absolute().parents) if p.exists())
     try:
         tempfile.TemporaryDirectory(dir=there).cleanup()  # permissions alone do not tell
@@ -56,38 +59,100 @@ def check_free(folder: str | Path, resume: bool = False) -> Path:
     return path
 
 
-def checked(out: str | Path, comm: MPI.Comm, resume: bool = False) -> Path:
-    """Return the result folder if rank 0 finds it free; raise alike on all ranks if not."""
-    error = None
-    if comm.rank == 0:
-        try:
-            check_free(out, resume)
-        except SceneError as caught:
-            error = caught
-    error = comm.bcast(error)
-    if error is not None:
-        raise error
-    return Path(out)
+def check_empty(path: Path) -> None:
+    """Raise ``SceneError`` if a folder holds a run, or outputs of one."""
+    if any((path / name).exists() for name in ("scene.toml", "summary.json")) or outputs_in(path):
+        raise SceneError(
+            f"out = {str(path)!r}: already holds a run; expected a new folder, or --resume"
+        )
+
+
+def outputs_in(folder: Path) -> int:
+    """Return how many outputs a folder holds; one, where its results cannot be read."""
+    path = folder / "results.h5"
+    if not path.exists():
+        return 0
+    try:
+        with batch.opened(path) as file:
+            return len(file["history/t"]) if "history/t" in file else 0
+    except (OSError, KeyError, RuntimeError, ValueError):
+        return int((folder / "scene.toml").exists())  # it is written before the first output
+
+
+@contextlib.contextmanager
+def kept(out: str | Path, who: str, *, resume: bool = False) -> Iterator[Path]:
+    """Keep a result folder for the work inside; yield it.
+
+    Args:
+        out: The folder.
+        who: What is at work, for the message of whoever comes second.
+        resume: Whether it may hold a run.
+
+    Raises:
+        SceneError: if somebody is at work there, if it holds a run or cannot be written.
+    """
+    path = check_free(out, resume=True)
+    with locked(path, who):
+        if not resume:
+            check_empty(path)
+        yield path
+
+
+@contextlib.contextmanager
+def occupied(out: str | Path, comm: MPI.Comm, who: str, *, resume: bool = False) -> Iterator[Path]:
+    """Keep a result folder on rank 0, as :func:`kept` does; raise alike on all ranks."""
+    with contextlib.ExitStack() as stack:
+        error = None
+        if comm.rank == 0:
+            try:
+                stack.enter_context(kept(out, who, resume=resume))
+            except SceneError as caught:
+                error = caught
+        error = comm.bcast(error)
+        if error is not None:
+            raise error
+        yield Path(out)
+
+
+def put_aside(folder: Path) -> Path:
+    """Move what a run has left in a folder into one below, and return that; the scene stays."""
+    numbers = (n for n in itertools.count(1) if not (folder / f"aside-{n}").exists())
+    aside = folder / f"aside-{next(numbers)}"
+    aside.mkdir()
+    shutil.copy(folder / "scene.toml", aside)
+    # results.h5 last: a folder that has it still is one to be put aside
+    for path in sorted(folder.iterdir(), key=lambda path: path.name == "results.h5"):
+        if path.name not in (LOCK, "scene.toml") and not path.name.startswith("aside-"):
+            os.replace(path, aside / path.name)
+    return aside
 
 
 def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
     """Write on rank 0.
 
     Raises:
-        RuntimeError: on all ranks, if there is no room or no permission.
+        RuntimeError: on all ranks, whatever went wrong: no room, no permission, no memory.
     """
-    told = None
+    told: str | None = None
+    cause: Exception | None = None
     if comm.rank == 0:
         try:
             work()
         except OSError as error:
-            told = error.strerror or str(error)
+            told, cause = error.strerror or str(error), error
+        except Exception as error:
+            told, cause = f"{type(error).__name__} {error}".strip(), error
     told = comm.bcast(told)
     if told is not None:
         raise RuntimeError(
             f"results cannot be written: {told}; expected room and permission in {str(folder)!r}; "
-            f"when there is, go on with: squealx run --resume --out {folder}"
-        )
+            f"when there is, go on with: {command_to_resume(folder)}"
+        ) from cause
+
+
+def command_to_resume(folder: Path) -> str:
+    """Return the command that goes on with a run."""
+    return f"squealx run --resume --out {shlex.quote(str(folder))}"
 
 
 def cut(folder: Path, resume: Resume) -> list[str]:

@@ -160,9 +160,13 @@ class Results:
 
     def summarise(self, summary: Mapping[str, Any]) -> None:
         """Write ``summary.json``."""
-        text = json.dumps(strict(summary), indent=2, default=float) + "\n"
-        path = self.folder / "summary.json"
-        on_root(self.comm, self.folder, lambda: atomic.replace(path, text.encode()))
+        on_root(self.comm, self.folder, lambda: write_summary(self.folder, summary))
+
+
+def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
+    """Write ``summary.json``; on one rank."""
+    text = json.dumps(strict(summary), indent=2, default=float) + "\n"
+    atomic.replace(folder / "summary.json", text.encode())
 
 
 CONTACT_UNITS = {

@@ -14,6 +14,8 @@ from workflow.scene.units import Angle, Count, Distance, Growth, Length, Positio
 if TYPE_CHECKING:
     from meshes.formats.contents import Groups
 
+DRAWN = ("S1002", "54E1", "60E1")  # profiles that are no files
+FILES = ("mesh.path", "mesh.wheel_profile", "mesh.rail_profile")  # keys whose value may be a file
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
 
 
@@ -153,7 +155,8 @@ class WheelRailMesh(Section):
     @classmethod
     def _absolute(cls, name: str) -> str:
         """Name a file so that a result's scene.toml runs again from anywhere."""
-        return str(Path(name).absolute()) if Path(name).is_file() else name
+        file = name not in DRAWN and Path(name).is_file()
+        return str(Path(name).absolute()) if file else name
 
     @property
     def regions(self) -> tuple[str, ...]:

@@ -12,7 +12,16 @@ from pydantic import Field, ValidationError, model_validator
 from workflow.scene import keys
 from workflow.scene.bodies import LINEAR, Body, fit
 from workflow.scene.contacts import law_of
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.mesh import (
+    DRAWN,
+    FILES,
+    BarMesh,
+    BlocksMesh,
+    CapMesh,
+    CurvedMesh,
+    FileMesh,
+    WheelRailMesh,
+)
 from workflow.scene.settings import (
     Contact,
     Driven,
@@ -29,22 +38,22 @@ from workflow.scene.settings import (
     unfit,
 )
 from workflow.scene.track import Absorbing, Spring, Track, Vehicle
-from workflow.scene.units import Acceleration, SceneError, explain
+from workflow.scene.units import Acceleration, Name, SceneError, explain
 
 
 class Scene(Section):
     """A complete run."""
 
-    name: str
+    name: Name
     title: str
     about: str = ""
     mesh: Annotated[
         BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh,
         Field(discriminator="kind"),
     ]
-    bodies: dict[str, Body] = Field(min_length=1)
+    bodies: dict[Name, Body] = Field(min_length=1)
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
-    contacts: dict[str, Contact] = Field(default_factory=dict)
+    contacts: dict[Name, Contact] = Field(default_factory=dict)
     supports: list[Support] = Field(default_factory=list)
     loads: list[Load] = Field(default_factory=list)
     driven: dict[str, Driven] = Field(default_factory=dict)
@@ -264,7 +273,7 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked.
 
     A file with ``base`` starts from that scene, built-in or a file beside it, and has its own keys
-    put over it. The path of a mesh file is relative to the TOML file that names it.
+    put over it. The paths of mesh and profiles are relative to the TOML file that names them.
 
     Args:
         source: Name of a built-in scene, or path of a TOML file.
@@ -276,8 +285,9 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
     mesh = tables.get("mesh")
-    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
-        mesh["path"] = str(path.parent / mesh["path"])
+    if isinstance(mesh, dict):
+        for key in mesh.keys() & {name.removeprefix("mesh.") for name in FILES}:
+            mesh[key] = beside(path.parent, mesh[key])
     base, above = tables.pop("base", None), (*above, str(source))
     if base is None:
         return tables
@@ -291,6 +301,13 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
         return keys.joined(read(base, above), tables)
     except SceneError as error:
         raise SceneError(f"{source}: base: {error}") from None
+
+
+def beside(folder: Path, file: Any) -> Any:
+    """Return a file, or several, named relative to a folder; names of drawn profiles stay."""
+    if isinstance(file, list):
+        return [beside(folder, entry) for entry in file]
+    return str(folder / file) if isinstance(file, str) and file not in DRAWN else file
 
 
 def _text(path: Path, source: str) -> str:

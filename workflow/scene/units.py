@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Numbers with units: the types of a scene's fields, and the message when a value does not fit."""
 
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -60,6 +61,25 @@ Step = Annotated[float, _number("-", gt=0, le=1.2), BOUNDED, SIZED]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Direction = Literal["x", "y", "z", "axle"]
 
+LONGEST_NAME = 100  # bytes: room for what is put around it, in file names of 255
+
+
+def _folder_name(name: str) -> str:
+    """Return a name that is one of a folder too, and of none but that."""
+    if (length := len(name.encode(errors="replace"))) > LONGEST_NAME:
+        raise ValueError(
+            f"name = {name[:20] + '…'!r}: expected at most {LONGEST_NAME} bytes, got {length}"
+        )
+    if not re.fullmatch(r"\w[^/\\\x00-\x1f\x7f\ud800-\udfff]*", name):
+        raise ValueError(
+            f"name = {name!r}: expected the name of a folder, which begins with a letter or digit "
+            "and has no '/' or '\\'"
+        )
+    return name
+
+
+Name = Annotated[str, AfterValidator(_folder_name)]
+
 
 class SceneError(ValueError):
     """A scene that cannot be run: the message names the key, what it got and what it expects."""
@@ -87,7 +107,10 @@ def explain(error: Any, data: Any, root: type[BaseModel]) -> str:
     unit = unit_of(root, keys)
     unit = f" [{unit}]" if unit else ""
     if error["type"] == "value_error":
-        return str(error["ctx"]["error"])
+        table = (
+            f"{'.'.join(map(str, error['loc'][:-2]))}: " if error["loc"][-1:] == ("[key]",) else ""
+        )
+        return f"{table}{error['ctx']['error']}"
     if error["type"] == "missing":
         return f"{key}: missing; expected a value{unit}"
     if error["type"] == "extra_forbidden":

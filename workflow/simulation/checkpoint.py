@@ -9,7 +9,6 @@ last step were is not kept where the state tells: each load is asked for it once
 import hashlib
 import json
 import time
-import zipfile
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from io import BytesIO
@@ -28,6 +27,7 @@ from workflow.results import atomic
 from workflow.results.folder import Resume
 from workflow.results.writer import Results
 from workflow.scene import Scene, SceneError
+from workflow.scene.keys import flat
 from workflow.simulation.energy import Ledger
 from workflow.simulation.prescribed import hold_of
 from workflow.simulation.progress import Clock
@@ -63,18 +63,7 @@ class Checkpoint:
         Raises:
             SceneError: if a key has changed that alters the past, naming all of them.
         """
-        then, now = dict(flat(self.about["scene"])), dict(flat(scene.tables()))
-        changed = [
-            f"{key}: {then.get(key)!r} in the checkpoint, {now.get(key)!r} in the scene"
-            for key in sorted(then.keys() | now.keys())
-            if not key.startswith(FREE) and then.get(key) != now.get(key)
-        ]
-        if changed:
-            told = "\n  ".join(changed)
-            raise SceneError(
-                "resume: expected the scene of the checkpoint, where only time.end, output and "
-                f"guards may change, got\n  {told}"
-            )
+        check_same(self.about["scene"], scene, "checkpoint")
         if scene.time.end < self.about["t"] * (1 - 1e-12):
             raise SceneError(
                 f"time.end = {scene.time.end} s: expected later than the checkpoint, which is at "
@@ -118,13 +107,26 @@ class Checkpoint:
         )
 
 
-def flat(tables: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted keys and values of nested tables."""
-    if not isinstance(tables, dict):
-        yield key, tables
-        return
-    for name, below in tables.items():
-        yield from flat(below, f"{key}.{name}" if key else name)
+def check_same(then: Mapping[str, Any], scene: Scene, where: str) -> None:
+    """Raise ``SceneError`` if keys that alter the past are others than they were, naming all.
+
+    Args:
+        then: Tables of the scene as it was.
+        scene: The scene as it is now.
+        where: What has those tables, for the message.
+    """
+    before, now = dict(flat(then)), dict(flat(scene.tables()))
+    changed = [
+        f"{key}: {before.get(key)!r} in the {where}, {now.get(key)!r} in the scene"
+        for key in sorted(before.keys() | now.keys())
+        if not key.startswith(FREE) and before.get(key) != now.get(key)
+    ]
+    if changed:
+        told = "\n  ".join(changed)
+        raise SceneError(
+            f"resume: expected the scene of the {where}, where only time.end, output and guards "
+            f"may change, got\n  {told}"
+        )
 
 
 def mesh_hash(mesh: HexMesh) -> str:
@@ -151,8 +153,8 @@ def read(folder: Path, comm: MPI.Comm) -> Checkpoint | None:
             if about["format"] != FORMAT:
                 error = f"expected format {FORMAT}, got {about['format']}"
             found = Checkpoint(about, arrays)
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as caught:
-            error = str(caught)
+        except Exception as caught:  # a file can be broken in more ways than numpy has errors for
+            error = str(caught) or type(caught).__name__
     error = comm.bcast(error)
     if error is not None:
         raise SceneError(f"resume: {str(path)!r} is no checkpoint that can be read: {error}")

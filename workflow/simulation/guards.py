@@ -21,13 +21,21 @@ class GuardError(RuntimeError):
     """A run stopped by a physics guard; its results up to there are kept."""
 
 
-def check_finite(model: "Model") -> None:
-    """Raise on every rank if an acceleration is NaN or infinite, naming body, node and position."""
-    comm, bad = model.domain.msh.comm, np.array(model.state.not_finite)
-    if comm.size > 1:
-        comm.Allreduce(MPI.IN_PLACE, bad)  # of a buffer: a pickled number takes four times as long
-    if not bad:
-        return
+def check_finite(model: "Model", asked: int = 0) -> int:
+    """Raise on every rank if an acceleration is NaN or infinite, naming body, node and position.
+
+    Args:
+        model: The model.
+        asked: Number of the signal that asks this rank to end, or 0.
+
+    Returns:
+        That of any rank, the same on all: one message tells of both.
+    """
+    comm, told = model.domain.msh.comm, np.array([model.state.not_finite, asked])
+    if comm.size > 1:  # of a buffer: a pickled number takes four times as long
+        comm.Allreduce(MPI.IN_PLACE, told, MPI.MAX)
+    if not told[0]:
+        return int(told[1])
     a = model.state.a.array[: 3 * model.domain.owned]
     size = np.nan_to_num(np.abs(a).reshape(-1, 3).max(axis=1), nan=np.inf)
     worst = int(np.argmax(size)) if len(size) else -1

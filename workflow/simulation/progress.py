@@ -49,11 +49,11 @@ class Progress:
         """Keep a line in the log without showing it."""
         self._keep(line)
 
-    def keep_in(self, path: Path, *, go_on: bool = False) -> None:
-        """Write the log to ``path`` from now on, with what was said so far; behind it if told."""
+    def keep_in(self, path: Path) -> None:
+        """Write the log to the end of ``path`` from now on, what was said so far first."""
         if self.root:
             with contextlib.suppress(OSError):
-                self.file = path.open("a" if go_on else "w", encoding="utf-8")
+                self.file = path.open("a", encoding="utf-8")
                 self.file.writelines(self.lines)
             self.lines.clear()
 

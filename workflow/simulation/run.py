@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Run of a scene: equilibrium, start of rolling, steps, outputs, summary."""
 
+import contextlib
 import copy
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,14 +18,16 @@ from workflow.model import Model, build
 from workflow.model.state import Item
 from workflow.model.step import step_report
 from workflow.results.energy import Energy
-from workflow.results.folder import checked
+from workflow.results.folder import command_to_resume, occupied
 from workflow.results.result import Result
-from workflow.results.writer import Results
+from workflow.results.writer import Results, write_summary
 from workflow.scene import Scene
-from workflow.simulation import checkpoint, guards, stepping
+from workflow.simulation import checkpoint, guards, interrupts, ranks, stepping
 from workflow.simulation.energy import Ledger
+from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import start
 from workflow.simulation.progress import Clock, Progress
+from workflow.simulation.resuming import finished, how_to_go_on, point_of
 from workflow.simulation.summary import answers, output, summarise
 from workflow.simulation.threads import one_per_rank
 
@@ -48,6 +52,7 @@ class Job:
     energy: Energy | None = None
     error: float = 0.0
     summary: dict[str, Any] = field(default_factory=dict)
+    asked: Callable[[], int] = lambda: 0  # the signal that asks this rank to end, or 0
 
 
 def run(
@@ -66,7 +71,8 @@ def run(
 
     Args:
         scene: What to run.
-        out: Result folder; made if missing, must not hold a run unless ``resume``.
+        out: Result folder; made if missing, must not hold a run unless ``resume``. It is this
+            run's alone while it lasts.
         comm: Ranks that share the run.
         watch: Called with the model at every step, for experiments.
         laws: Material laws of your own by body name, in place of the scene's.
@@ -74,29 +80,37 @@ def run(
         items: What acts besides, of your own: each is called with the model and returns an item
             (:class:`workflow.model.state.Item`).
         quiet: No progress on the terminal; ``run.log`` is always written.
-        resume: Go on from the last checkpoint in ``out``; from the start if there is none.
+        resume: Go on from the last checkpoint in ``out``; from the start if there is none, with
+            outputs that are there put aside. A run that is finished is left as it is.
 
     Raises:
         SceneError: bad input, before anything is written.
         GuardError: the run was stopped; everything up to there is kept.
+        Interrupted: SIGINT, SIGTERM or SIGHUP came; there is a checkpoint if stepping had begun.
+        Alone: an error of this rank alone, which the others wait for: end them.
     """
-    began = time.perf_counter()
-    folder = checked(out, comm, resume)
-    point = checkpoint.read(folder, comm) if resume else None
-    progress = Progress(comm.rank == 0, quiet)
-    with one_per_rank() as threads:
-        progress.note(threads)
-        model, clock = made(scene, comm, progress, point, (laws, friction, items))
-        job = prepared(model, clock, progress, folder, point, began)
-        with concluded(job):
-            if point is None:
-                begin(job)
-            else:
-                take_up(job, point)
-            for job.energy, job.error in steps(job, watch, resumed=point is not None):
-                pass
-            store(job)
-    return Result(folder, job.summary)
+    began, progress = time.perf_counter(), Progress(comm.rank == 0, quiet)
+    with interrupts.raised(), occupied(out, comm, "squealx run", resume=resume) as folder:
+        point = None
+        if resume:
+            if (summary := finished(folder, scene, comm)) is not None:
+                progress.log(f"{folder}: {how_to_go_on(folder)}")
+                return Result(folder, summary)
+            point = point_of(folder, scene, comm, progress.log)
+        with one_per_rank() as threads:
+            progress.note(threads)
+            model, clock = made(scene, comm, progress, point, (laws, friction, items))
+            job = prepared(model, clock, progress, folder, point, began)
+            with concluded(job):
+                if point is None:
+                    begin(job)
+                else:
+                    take_up(job, point)
+                with interrupts.noted() as job.asked:
+                    for job.energy, job.error in steps(job, watch, resumed=point is not None):
+                        pass
+                store(job)
+            return Result(folder, job.summary)
 
 
 def made(
@@ -127,7 +141,7 @@ def prepared(
     """Return the run of a model into a folder, which is opened."""
     sampling, ledger = sampler(model), Ledger(model)
     results = Results(folder, model.scene, model.domain, point.resume() if point else None)
-    progress.keep_in(folder / "run.log", go_on=point is not None)
+    progress.keep_in(folder / "run.log")
     keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
     return Job(model, results, ledger, sampling, keeper, clock, progress)
 
@@ -144,21 +158,48 @@ def sampler(model: Model) -> "Sampling | None":
 @contextmanager
 def concluded(job: Job) -> Iterator[None]:
     """Write the summary however the run inside ends; what stopped it becomes a GuardError."""
-    status, model = "done", job.model
+    failure: BaseException | None = None
     try:
         yield
-    except guards.GuardError as stop:
-        status = f"stopped: {stop}"
-        raise
-    except RuntimeError as stop:  # no room for results; a node went through, or is nowhere
-        status = f"stopped: {stop}"
-        raise guards.GuardError(f"{stop} (step {model.state.step})") from stop
-    except BaseException as failure:
-        status = f"failed: {type(failure).__name__}: {failure}"
-        raise
-    finally:
-        job.summary = summarise(model, job.energy, job.error, status, job.clock, job.keeper.wall)
-        conclude(job)
+    except BaseException as caught:
+        failure = caught
+    status, comm = status_of(failure), job.model.domain.msh.comm
+    shared = not isinstance(failure, interrupts.Interrupted) or failure.agreed
+    if failure is not None and not (shared and ranks.alike(comm)):
+        leave(job, status)
+        told = f"{status}; go on with: {command_to_resume(job.results.folder)}"
+        if not shared:
+            raise interrupts.Interrupted(told) from failure
+        raise ranks.Alone(f"rank {comm.rank}: {told}") from failure
+    model, clock, wall = job.model, job.clock, job.keeper.wall
+    job.summary = summarise(model, job.energy, job.error, status, clock, wall)
+    conclude(job)
+    if isinstance(failure, RuntimeError | MemoryError) and not isinstance(failure, GuardError):
+        # no room for results; a node went through, or is nowhere
+        told = str(failure) or "out of memory"
+        raise GuardError(f"{told} (step {model.state.step})") from failure
+    if failure is not None:
+        raise failure
+
+
+def status_of(failure: BaseException | None) -> str:
+    """Return how a run ended in the words of its summary."""
+    if failure is None:
+        return "done"
+    if isinstance(failure, interrupts.Interrupted):
+        return str(failure)
+    if isinstance(failure, RuntimeError | MemoryError):
+        return f"stopped: {str(failure) or 'out of memory'}"
+    return f"failed: {type(failure).__name__}: {failure}"
+
+
+def leave(job: Job, status: str) -> None:
+    """Write what one rank can say by itself, and no more: the others may be anywhere."""
+    model, clock = job.model, job.clock
+    found = summarise(model, None, 0.0, status, clock, job.keeper.wall, contacts=False)
+    with contextlib.suppress(OSError):
+        write_summary(job.results.folder, found)
+    job.progress.close()
 
 
 def store(job: Job) -> None:
@@ -178,7 +219,7 @@ def conclude(job: Job) -> None:
         results.summarise(job.summary)
     except RuntimeError as error:
         if status == "done":
-            raise guards.GuardError(str(error)) from error
+            raise GuardError(str(error)) from error
         job.progress.log(f"summary.json not written: {error}")
     finally:
         job.progress.close()
@@ -221,8 +262,7 @@ def steps(
     progress.start(model, round(scene.time.end / model.dt))
     watched = guards.Watch(model)
     end = round(scene.time.end / model.dt) * model.dt
-    for _ in stepping.steps(model, end, job.clock, resumed=resumed):
-        guards.check_finite(model)
+    for _ in interruptible(job, stepping.steps(model, end, job.clock, resumed=resumed)):
         if state.step == 0:
             tell_offsets(model, progress.log)
         if job.sampling is not None:
@@ -246,6 +286,31 @@ def steps(
         progress.step(state.step)
     if told := job.keeper.end():
         progress.log(told)
+
+
+def interruptible(job: Job, stepped: Iterator[Any]) -> Iterator[Any]:
+    """Yield the same, checked to be finite; a signal ends it after a step, with a checkpoint.
+
+    Raises:
+        Interrupted: on all ranks at the same step.
+    """
+    for state in stepped:
+        number = guards.check_finite(job.model, job.asked())
+        yield state
+        if number and state.step > 0:  # there is no checkpoint of the start
+            raise interrupted(job, number)
+
+
+def interrupted(job: Job, number: int) -> interrupts.Interrupted:
+    """Return what ends a run at this step on all ranks, its checkpoint written."""
+    state = job.model.state
+    told = job.keeper.write() or "its checkpoint is written"
+    stop = interrupts.Interrupted(
+        f"interrupted by {signal.Signals(number).name} at step {state.step}, t = {state.t:.6e} s; "
+        f"{told}; go on with: {command_to_resume(job.results.folder)}"
+    )
+    stop.agreed = True
+    return stop
 
 
 def tell_offsets(model: Model, log: Log) -> None:

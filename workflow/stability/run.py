@@ -10,6 +10,7 @@ reached its end, or failed without a message: a defect.
 import csv
 import json
 import multiprocessing
+import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -30,6 +31,7 @@ from workflow.scene.bodies import Isotropic
 from workflow.scene.mesh import CapMesh, CurvedMesh
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.guards import GuardError
+from workflow.simulation.ranks import OWN_MODULES
 from workflow.simulation.run import run
 from workflow.stability import growth
 from workflow.stability.cases import BASES, CELL, HEIGHT, QUIET, RHO, SPEED, Case, cases
@@ -351,6 +353,7 @@ def judged(due: Iterable[Case], workers: int) -> Iterator[dict[str, Any]]:
     if workers == 1:
         yield from map(judged_row, due)
         return
+    os.environ |= OWN_MODULES  # for the workers: a pool takes no environment of theirs
     # MPI does not survive a fork, so workers start afresh
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=spawn) as pool:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Folder of a study: its scenes, its Snakefile, the result folder of each run, and its lock."""
+"""Folder of a study: its scenes, its Snakefile, and the result folder of each run."""
 
 import contextlib
-import fcntl
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import tomli_w
 
@@ -74,27 +73,6 @@ def _put(path: Path, text: str) -> None:
     if not path.is_file() or path.read_text("utf-8") != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-
-
-@contextlib.contextmanager
-def locked(folder: Path) -> Iterator[TextIO]:
-    """Hold the folder, also against a Snakemake that outlived its study; yield the open lock.
-
-    The lock of the system ends with the processes that hold it, unlike Snakemake's own.
-
-    Raises:
-        SceneError: if another study is at work here.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SceneError(
-                f"out = {str(folder)!r}: another squealx study is at work here; expected to be "
-                "started when it has ended"
-            ) from None
-        yield file
 
 
 def done(folder: Path, name: str) -> bool:

@@ -14,17 +14,14 @@ from pathlib import Path
 import rich.console
 import rich.progress as bar
 
+from workflow.results.lock import locked
 from workflow.scene.scene import SceneError
+from workflow.simulation import ranks
 from workflow.study import folder as study_folder
 from workflow.study.study import Run, Study
 
 POLL = 0.5  # s between looks at the folder
 LOG = "snakemake.log"
-
-
-def available() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def check(runs: Sequence[Run], cores: int | None, profile: Path | None) -> None:
@@ -43,7 +40,7 @@ def check(runs: Sequence[Run], cores: int | None, profile: Path | None) -> None:
             f"--profile {str(profile)!r}: expected the folder of a Snakemake profile with "
             "config.yaml"
         )
-    most = cores or available()
+    most = cores or ranks.cores()
     if profile is None and (big := [run for run in runs if run.ranks > most]):
         raise SceneError(
             f"run {big[0].name}: ranks = {big[0].ranks}: expected at most {most} cores (--cores), "
@@ -60,7 +57,7 @@ def command(folder: Path, cores: int | None, profile: Path | None) -> list[str]:
     if profile is not None:
         words += ["--profile", str(profile.absolute())]
     if profile is None or cores is not None:
-        words += ["--cores", str(cores or available())]
+        words += ["--cores", str(cores or ranks.cores())]
     return words
 
 
@@ -87,7 +84,7 @@ def work(
         RuntimeError: if Snakemake failed though no run did.
     """
     console = rich.console.Console(stderr=True, quiet=quiet)
-    with study_folder.locked(folder) as lock:
+    with locked(folder, "squealx study") as lock:
         study_folder.write(study, runs, folder)
         code = _call(command(folder, cores, profile), lock.fileno(), runs, folder, console)
     failed = [run.name for run in runs if not study_folder.done(folder, run.name)]
@@ -113,8 +110,8 @@ def _call(
             stderr=subprocess.STDOUT,
             pass_fds=(lock,),  # held for as long as Snakemake is alive
             start_new_session=True,  # so that it and its jobs are interrupted once, below
+            env=os.environ | ranks.OWN_MODULES,
         )
-    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         _follow(process, runs, folder, console, began)
     except BaseException:
@@ -124,8 +121,6 @@ def _call(
         process.wait()
         console.print("stopped; the same command goes on from here")
         raise
-    finally:
-        signal.signal(signal.SIGTERM, before)
     return process.returncode
 
 

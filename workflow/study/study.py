@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Study: many runs of one or several scenes as a checked table of parameters."""
 
+import hashlib
 import itertools
 import math
 import re
@@ -14,9 +15,10 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from workflow.scene import keys
-from workflow.scene.scene import Scene, SceneError
+from workflow.scene.mesh import FILES
+from workflow.scene.scene import Scene, SceneError, beside
 from workflow.scene.scene import read as read_scene
-from workflow.scene.units import Count, Section, explain
+from workflow.scene.units import LONGEST_NAME, Count, Name, Section, explain
 
 MOST_RUNS = 10_000
 OWN = ("scene", "ranks")  # keys of a run that are not keys of its scene
@@ -49,7 +51,7 @@ class Group(Section):
 class Study(Section):
     """A whole study: one group of runs, or several ``groups`` that share ``scene`` and ``set``."""
 
-    name: str
+    name: Name
     title: str
     about: str = ""
     scene: str | None = None
@@ -65,7 +67,7 @@ class Study(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if re.sub(r"\w[\w.-]*", "", self.name):
+        if not re.fullmatch(r"\w[\w.-]*", self.name):
             raise ValueError(f"name = {self.name!r}: expected letters, digits, '-', '_' and '.'")
         if self.groups and (self.runs or self.vary):
             raise ValueError("groups: expected runs and vary inside the groups, got both")
@@ -137,10 +139,12 @@ def load(source: str | Path) -> Study:
         tables = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
-    for table in _tables(tables):
+    for above, table in _tables(tables):
         for key, value in table.items():
             if key == "scene":
                 table[key] = _beside(path.parent, value)
+            elif key in FILES or f"{above}.{key}" in FILES:
+                table[key] = beside(path.parent.absolute(), value)
     try:
         return Study.model_validate(tables)
     except ValidationError as error:
@@ -226,7 +230,10 @@ def _words(point: Mapping[str, Any]) -> list[str]:
     """Return ``key=value`` for each parameter, keys by their last word if that is enough."""
     last = [key.rsplit(".", 1)[-1] for key in point]
     keys = last if len(set(last)) == len(last) else list(point)
-    values = [Path(v).stem if k == "scene" else _told(v) for k, v in point.items()]
+    values = [
+        Path(v).stem if k == "scene" else _told(Path(str(v)).name if k in FILES else v)
+        for k, v in point.items()
+    ]
     return [f"{key}={value}" for key, value in zip(keys, values, strict=True)]
 
 
@@ -238,16 +245,20 @@ def _told(value: Any) -> str:
 
 def _slug(name: str) -> str:
     """Return a name that is safe as that of a folder, in a shell and in a pattern."""
-    return re.sub(r"[^\w.=,+-]+", "-", name).strip("-.") or "run"
+    safe = re.sub(r"[^\w.=,+-]+", "-", name).strip("-.") or "run"
+    if len(safe.encode()) <= LONGEST_NAME:
+        return safe
+    short = safe.encode()[: LONGEST_NAME - 9].decode(errors="ignore")
+    return f"{short}-{hashlib.sha256(safe.encode()).hexdigest()[:8]}"
 
 
-def _tables(value: Any) -> Iterator[dict[str, Any]]:
-    """Yield a table and all below it."""
+def _tables(value: Any, above: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield a table and all below it, each with its name."""
     if isinstance(value, dict):
-        yield value
-    for inner in value.values() if isinstance(value, dict) else value:
+        yield above, value
+    for name, inner in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(inner, dict | list):
-            yield from _tables(inner)
+            yield from _tables(inner, str(name))
 
 
 def _beside(folder: Path, scene: Any) -> Any:
