@@ -14,7 +14,7 @@ import typer
 # one thread per rank: the threads of BLAS would fight over the cores of the other ranks
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from workflow.cli import model, results, scaling, study
+from workflow.cli import model, profile, results, scaling, study
 from workflow.cli.options import (
     EXIT,
     Changes,
@@ -151,7 +151,7 @@ def _version(package: str) -> str:
     return ""
 
 
-for module in (model, results, scaling, study):
+for module in (model, profile, results, scaling, study):
     app.add_typer(module.verbs)
 
 

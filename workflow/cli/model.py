@@ -33,9 +33,9 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
     checked = load(scene, changes)
     from workflow.model.geometry import check_profiles
 
-    check_profiles(checked)
-    found = {"scene": checked.name, "valid": True}
-    answer(as_json, found, lambda: [f"{checked.name}: valid"])
+    told = check_profiles(checked)
+    found = {"scene": checked.name, "valid": True} | ({"profiles": told} if told else {})
+    answer(as_json, found, lambda: [f"{checked.name}: valid", *told])
 
 
 @verbs.command(

@@ -26,7 +26,7 @@ from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
     from meshes.generate.sweep import Strip
-    from meshes.profiles.measured import Kind
+    from meshes.profiles.point_files import Kind
 
 
 def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
@@ -67,6 +67,8 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     """Return the mesh of a scene on this process, and the placement of its wheel or None."""
     mesh = scene.mesh
     if isinstance(mesh, WheelRailMesh):
+        for line in readings(mesh):
+            log(line)
         return cached_wheel_on_rail(scene, mesh, log)
     if isinstance(mesh, FileMesh):
         return mesh_from_file(scene, mesh, log)
@@ -133,27 +135,74 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
     return behind - mesh.margin, ahead + mesh.margin
 
 
-def check_profiles(scene: Scene) -> None:
+def check_profiles(scene: Scene) -> list[str]:
     """Read the profiles that a scene names and place the wheel on the rail, without meshing.
+
+    Returns:
+        What is understood of its files, and what of it to doubt, a line each.
 
     Raises:
         SceneError: naming the key of a profile or position that is missing or cannot be used.
     """
-    if isinstance(scene.mesh, WheelRailMesh):
-        placement_of(scene)
-        strips_of(scene)
+    if not isinstance(scene.mesh, WheelRailMesh):
+        return []
+    placement_of(scene)
+    strips_of(scene)
+    return list(readings(scene.mesh))
 
 
-def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "profiles.Profile":
-    """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
-    built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
-    if name in built_in:
-        return profiles.s1002() if kind == "wheel" else profiles.rail(name)
+def readings(mesh: WheelRailMesh) -> Iterator[str]:
+    """Yield what is understood of the profile files of a scene, and what of it to doubt."""
+    kinds: tuple[Kind, Kind] = ("wheel", "rail")
+    for kind in kinds:
+        if (read := reading(mesh, kind)) is not None:
+            yield f"mesh.{kind}_profile: {read.in_words()}"
+            for doubt in read.doubts():
+                yield f"mesh.{kind}_profile: {doubt}"
+
+
+def built_in(kind: "Kind") -> tuple[str, ...]:
+    """Return the names of the profiles that come with the package."""
+    return ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
+
+
+def reading(mesh: WheelRailMesh, kind: "Kind") -> "profiles.Reading | None":
+    """Return the profile file that a scene names, as understood; None if it is a built-in one.
+
+    Raises:
+        SceneError: naming the key of a profile that cannot be used.
+    """
+    name: str = getattr(mesh, f"{kind}_profile")
+    asked = getattr(mesh, f"{kind}_axes")
+    if name in built_in(kind):
+        if asked is not None:
+            raise SceneError(
+                f"mesh.{kind}_axes: expected a file as mesh.{kind}_profile, got {name!r}, built in"
+            )
+        return None
+    axes = profiles.Axes(
+        **(asked.model_dump() if asked else {}),
+        flange_back=mesh.flange_back,
+        gauge_depth=mesh.gauge_depth,
+    )
     try:
-        return profiles.from_csv(name, kind=kind, smoothing=smoothing)
-    except (ValueError, OSError) as error:
-        expected = f"expected one of {', '.join(built_in)} or a CSV file"
-        raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
+        return profiles.read(name, kind, axes, mesh.profile_smoothing)
+    except ValueError as error:
+        raise SceneError(
+            f"mesh.{kind}_profile = {name!r}: {error} (mesh.{kind}_axes tells how its coordinates "
+            "are meant)"
+        ) from None
+    except OSError as error:
+        expected = f"expected one of {', '.join(built_in(kind))} or a file of points"
+        raise SceneError(f"mesh.{kind}_profile = {name!r}: {error}; {expected}") from None
+
+
+def profile(mesh: WheelRailMesh, kind: "Kind") -> "profiles.Profile":
+    """Return the profile that a scene names, see ``reading``."""
+    read = reading(mesh, kind)
+    if read is not None:
+        return read.profile
+    return profiles.s1002() if kind == "wheel" else profiles.rail(mesh.rail_profile)
 
 
 def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profile, str]":
@@ -164,13 +213,28 @@ def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profil
     """
     from meshes.wheel_rail.rail_section import completed
 
-    wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
-    head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
     base = mesh.rail_profile if mesh.rail_profile in profiles.RAILS else mesh.rail_base
+    wheel, head = profile(mesh, "wheel"), profile(mesh, "rail")
     try:
         return wheel, completed(head, base), base
     except ValueError as error:
         raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
+
+
+def in_track(mesh: WheelRailMesh, head: "profiles.Profile") -> "profiles.Profile":
+    """Return a rail head in the track position of a scene.
+
+    Raises:
+        ValueError: if it does not reach down to where the gauge is measured.
+    """
+    return profiles.rail_in_track(
+        head, inclination=mesh.inclination, gauge=mesh.gauge, gauge_depth=mesh.gauge_depth
+    )
+
+
+def tape_of(mesh: WheelRailMesh) -> float:
+    """Return the lateral position of the tape circle, not shifted [m]."""
+    return mesh.back_to_back / 2 + mesh.flange_back
 
 
 def placement_of(scene: Scene) -> "profiles.Placement":
@@ -188,12 +252,13 @@ def placement_of(scene: Scene) -> "profiles.Placement":
     wheel, head, _ = profiles_of(mesh)
     yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
     turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
+    turn["tape"] = tape_of(mesh)
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
         shift = 0.0
     key, value = ("flange_gap", mesh.flange_gap) if shift is None else ("lateral_shift", shift)
     try:
-        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        rail = in_track(mesh, head)
         if shift is None:
             return profiles.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
         return profiles.place(wheel, rail, shift=shift, **turn)
@@ -223,10 +288,10 @@ def strips_of(scene: Scene) -> dict[str, "Strip | None"]:
     given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
     wheel, head, _ = profiles_of(mesh)
     if None in given.values() and flange_of(wheel) is not None:
-        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
         yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+        turn = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll, "tape": tape_of(mesh)}
         try:
-            found = narrow_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
+            found = narrow_arcs(wheel, in_track(mesh, head), **turn)
         except ValueError as error:
             raise SceneError(
                 f"mesh.strip: {error}; expected a flange that can touch, or the arc lengths "
@@ -272,6 +337,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         zone=zone,
         design=mesh.wheel_design,
         radius=mesh.wheel_radius,
+        tape=tape_of(mesh),
         profile=tread,
         touch=position.tread_s,
         strip=strips["wheel"],
@@ -283,6 +349,7 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         zone=zone,
         inclination=mesh.inclination,
         gauge=mesh.gauge,
+        gauge_depth=mesh.gauge_depth,
         profile=head,
         design=base,
         touch=position.tread_rail_s,
