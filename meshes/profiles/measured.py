@@ -14,7 +14,7 @@ import numpy as np
 
 from meshes.arrays import Array
 from meshes.profiles.orientation import Axes, Oriented, Unit, oriented
-from meshes.profiles.point_files import Kind, PointFile, read_points
+from meshes.profiles.point_files import HUGE, Kind, PointFile, read_points
 from meshes.profiles.profiles import CHORD, Profile
 
 KINK = np.radians(30.0)  # chords that turn by more than this meet in a corner
@@ -22,11 +22,12 @@ SPAN = (
     20.0  # chords between which corners of noisy points are sought, in rms distances of smoothing
 )
 LONGEST_SPAN = 1e-3  # they are not longer than this, so that bends of 2 mm stay bends [m]
+MOST_CORNERS = 100
 CLOSE = 1e-6  # points nearer than this to the one before are left out [m]
 LONGEST = 1.0  # of a profile [m]
-MOST = 50_000  # points
 FEW = 40  # points
 COARSE = np.radians(10.0)  # chords that turn by more than this leave the curve open
+STEEPEST = 1.2  # a quarter of the turn of an arc over a chord is not counted beyond this [rad]
 OPEN = 2e-5  # distance to which it may be left open without a word [m]
 UNEVEN = 10.0  # curvature that scatter makes without a word [1/m]
 WIDE = 0.08  # what is wider is a wheel, if nobody says what it is [m]
@@ -48,7 +49,7 @@ class Reading:
         residuals: Distance of each point from the curve, shape ``(n,)`` [m].
         scatter: Standard deviation of the points across the curve, from their differences [m].
         turns: Angle between the chords at each inner point, shape ``(n - 2,)`` [rad].
-        gaps: Distance between chord and arc that these angles leave open, shape ``(n - 2,)`` [m].
+        gaps: How far from each chord the curve may be by these angles, shape ``(n - 1,)`` [m].
     """
 
     path: Path
@@ -93,11 +94,13 @@ class Reading:
         yield from self.oriented.assumed
         worst = int(np.argmax(self.gaps))
         if self.gaps[worst] > OPEN:
-            chords = np.hypot(*np.diff(self.points[worst : worst + 3], axis=0).T)
+            ends = self.points[worst : worst + 2]
+            turns = np.degrees(self.turns[max(worst - 1, 0) : worst + 1])
             yield (
-                f"too coarse at lateral {self.points[worst + 1, 0] * 1e3:.1f} mm: chords of "
-                f"{chords.max() * 1e3:.2g} mm turn by {np.degrees(self.turns[worst]):.0f}°, which "
-                f"leaves the curve open to {self.gaps[worst] * 1e3:.2g} mm"
+                f"too coarse at lateral {ends[:, 0].mean() * 1e3:.1f} mm: a chord of "
+                f"{np.hypot(*(ends[1] - ends[0])) * 1e3:.2g} mm meets the next at "
+                f"{' and '.join(f'{turn:.0f}°' for turn in turns)}, which leaves the curve open by "
+                f"up to {self.gaps[worst] * 1e3:.2g} mm"
             )
         spacing = float(np.median(np.hypot(*np.diff(self.points, axis=0).T)))
         uneven = self.scatter * np.sqrt(6.0) / spacing**2
@@ -151,15 +154,12 @@ def from_csv(
 def _read(path: Path, kind: Kind | None, axes: Axes, smoothing: float) -> Reading:
     file = read_points(path, axes.part)
     points = file.points
-    if len(points) < 4 or not np.isfinite(points).all():
-        raise ValueError(f"expected 4 or more finite points, got {len(points)}")
-    if len(points) > MOST:
+    if len(points) < 4:
+        raise ValueError(f"expected 4 or more points, got {len(points)}")
+    if not (np.abs(points) < HUGE).all():
         raise ValueError(
-            f"expected at most {MOST} points, got {len(points)}; keep every "
-            f"{-(-len(points) // 5000)}th"
+            f"expected finite points, less than {HUGE:.0e}, got {np.abs(points).max()}"
         )
-    if np.abs(points).max() > 1e9:
-        raise ValueError(f"expected coordinates in m or mm, got {np.abs(points).max():.3g}")
     if kind and file.kind and kind != file.kind:
         raise ValueError(f"expected a {kind}, got a file that is said to hold a {file.kind}")
     told = kind or file.kind
@@ -277,6 +277,9 @@ def _corners(points: Array, even: Array, span: float) -> list[int]:
     """Return the points at which the curve turns sharply, seen over a span or from chord to chord.
 
     Of points within a span of each other, one at most is a corner: the one that turns most.
+
+    Raises:
+        ValueError: if there are so many that they must be noise.
     """
     turn = _turning(points, even, span)
     t = _lengths(even)
@@ -285,8 +288,13 @@ def _corners(points: Array, even: Array, span: float) -> list[int]:
     for k in np.argsort(-turn, kind="stable"):
         if turn[k] <= KINK:
             break
-        if all(abs(t[k + 1] - t[j]) > span for j in found):
+        if not span or (np.abs(t[k + 1] - t[found]) > span).all():
             found.append(int(k) + 1)
+        if len(found) > MOST_CORNERS:
+            raise ValueError(
+                f"the points make more than {MOST_CORNERS} corners of {np.degrees(KINK):.0f}° and "
+                "more; if they scatter, tell profile_smoothing, or more of it"
+            )
     return sorted(found)
 
 
@@ -351,19 +359,21 @@ def _scatter(points: Array) -> float:
 
 
 def _resolution(points: Array, smoothing: float) -> tuple[Array, Array]:
-    """Return the angle between chords at each inner point, and what it leaves open [m].
+    """Return the angle between chords at inner points, and how far from each chord a curve may be.
 
-    That is the height of an arc that turns so over the longer chord. A single corner, whose
-    neighbours turn by less than a third, is an edge that the points show, not a coarse bend.
+    That is the height of an arc that turns by the angles at both ends of the chord [m], 0 where the
+    angles are small. A single large angle, whose neighbours are less than a third of it, is an edge
+    that the points show, not a coarse bend.
     """
     span = min(SPAN * smoothing, LONGEST_SPAN)
     even = _averaged(points, span)
     turns = _turning(even, even, span)
-    chord = np.hypot(*np.diff(even, axis=0).T)
-    gaps = np.maximum(chord[1:], chord[:-1]) / 2 * np.tan(np.minimum(turns, 3.0) / 4)
     beside = np.maximum(np.append(turns[1:], 0.0), np.append(0.0, turns[:-1]))
     edge = (turns > KINK) & (beside < turns / 3)
-    return turns, np.where((turns > COARSE) & ~edge, gaps, 0.0)
+    at = np.concatenate([[0.0], np.where(edge, 0.0, turns), [0.0]])
+    chord = np.hypot(*np.diff(even, axis=0).T)
+    height = chord / 2 * np.tan(np.minimum((at[1:] + at[:-1]) / 4, STEEPEST))
+    return turns, np.where(np.maximum(at[1:], at[:-1]) > COARSE, height, 0.0)
 
 
 def _meets_itself(points: Array) -> bool:

@@ -20,6 +20,9 @@ Kind = Literal["wheel", "rail"]
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 LARGEST = 20_000_000  # bytes
+MOST = 50_000  # lines
+HUGE = 1e9  # no coordinate is that large in any unit
+SAMPLE = 1000  # of the lines by which the separator is found
 KINDS: dict[str, Kind] = {".ban": "rail", ".prr": "rail", ".whl": "wheel", ".prw": "wheel"}
 MINIPROF = (".ban", ".whl", ".mpt")
 SIMPACK = (".prr", ".prw")
@@ -80,6 +83,11 @@ def read_points(path: Path, part: int | None = None) -> PointFile:
         raise ValueError(f"expected a file of at most {LARGEST / 1e6:.0f} MB")
     text, encoding = decoded(path.read_bytes())
     lines = text.splitlines()
+    if len(lines) > MOST:
+        every = -(-len(lines) // 5000)
+        raise ValueError(
+            f"expected at most {MOST} lines, got {len(lines)}; keep every {every}th point"
+        )
     ending = path.suffix.lower()
     if ending in SIMPACK or re.search(r"^\s*spline\.begin", text, re.M):
         return _simpack(lines, encoding, KINDS.get(ending))
@@ -125,8 +133,12 @@ def numbers(line: str, separator: str) -> list[float] | None:
             word = word.replace(",", ".")
         if not NUMBER.fullmatch(word):
             return None
-        found.append(float(word.lower().replace("d", "e")))
+        found.append(_float(word))
     return found if len(found) > 1 else None
+
+
+def _float(word: str) -> float:
+    return float(word.lower().replace("d", "e"))
 
 
 def short(line: str) -> str:
@@ -138,7 +150,8 @@ def short(line: str) -> str:
 def _table(lines: list[str], encoding: str) -> PointFile:
     """Read a table of numbers, a point a line, below a header if there is one."""
     bare = [_bare(line) for line in lines]
-    rows = {s: sum(numbers(line, s) is not None for line in bare) for s in SEPARATORS}
+    some = bare[:: len(bare) // SAMPLE + 1]
+    rows = {s: sum(numbers(line, s) is not None for line in some) for s in SEPARATORS}
     separator = max(rows, key=lambda s: rows[s])
     if rows[separator] < 4:
         raise ValueError(
@@ -242,7 +255,7 @@ def _miniprof(lines: list[str], encoding: str, kind: Kind | None, part: int | No
         values = [NUMBER.fullmatch(word) for word in re.split(r"[,;\s]+", line)[: max(x, y) + 1]]
         if None in values or len(values) <= max(x, y):
             raise ValueError(f"line {number}: expected {len(columns)} numbers, got {short(line)}")
-        found.append([float(values[c][0]) for c in (x, y)])  # type: ignore[index]
+        found.append([_float(values[c][0]) for c in (x, y)])  # type: ignore[index]
     offset = [_number(keys, name) or 0.0 for name in ("xoffset", "yoffset")]
     notes = [
         f"{name} {keys[key]}"
@@ -293,9 +306,9 @@ def _number(keys: dict[str, str], name: str) -> float | None:
     value = keys.get(name, "").strip("'")
     if not value:
         return None
-    if not NUMBER.fullmatch(value):
-        raise ValueError(f"{name} = {short(value)}: expected a number")
-    return float(value.lower().replace("d", "e"))
+    if not NUMBER.fullmatch(value) or not abs(number := _float(value)) < HUGE:
+        raise ValueError(f"{name} = {short(value)}: expected a number, less than {HUGE:.0e}")
+    return number
 
 
 def _simpack(lines: list[str], encoding: str, kind: Kind | None) -> PointFile:
@@ -314,7 +327,7 @@ def _simpack(lines: list[str], encoding: str, kind: Kind | None) -> PointFile:
         if dot and word in ("begin", "end") and not equals:
             section = [*section, name] if word == "begin" else section[:-1]
         elif equals:
-            keys[f"{section[-1]}." * bool(section) + key.strip()] = value.strip()
+            keys[".".join([*section[-1:], key.strip()])] = value.strip()
         elif bare and section[-1:] == ["point"]:
             values = numbers(bare, " ")
             if values is None:
@@ -322,6 +335,8 @@ def _simpack(lines: list[str], encoding: str, kind: Kind | None) -> PointFile:
             rows.append(values[:2])
     if not rows:
         raise ValueError("expected a SIMPACK profile with lines between point.begin and point.end")
+    if not (np.abs(rows) < HUGE).all():
+        raise ValueError(f"expected finite points, less than {HUGE:.0e}")
     flag = _number(keys, "header.type")
     if flag is not None:
         kind = "wheel" if flag == 1 else "rail"

@@ -75,7 +75,7 @@ def summary(found: Reading, axes: Axes) -> dict[str, Any]:
         },
         "left_open": {
             "distance": float(found.gaps[worst]),
-            "lateral": float(points[worst + 1, 0]),
+            "lateral": float(points[worst : worst + 2, 0].mean()),
         },
         "doubts": list(found.doubts()),
     }

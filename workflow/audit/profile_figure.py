@@ -119,7 +119,7 @@ def _along(panel: "Panel", found: Reading, s: Array, values: Array) -> None:
 def _close_up(panel: "Panel", found: Reading) -> None:
     """Draw points and curve where the points leave most open, or lie farthest off it."""
     if found.gaps.max() > OPEN:
-        k, why = int(np.argmax(found.gaps)) + 1, "where the points leave the curve most open"
+        k, why = int(np.argmax(found.gaps)), "where the points leave the curve most open"
     elif found.smoothing:
         k, why = int(np.argmax(found.residuals)), "where the points lie farthest off"
     else:
