@@ -23,6 +23,7 @@ SPAN = (
 )
 LONGEST_SPAN = 1e-3  # they are not longer than this, so that bends of 2 mm stay bends [m]
 MOST_CORNERS = 100
+FACE_WIDTH, FACE_HEIGHT = 3e-4, 3e-3  # points so near in line, over so much, are a rim face [m]
 CLOSE = 1e-6  # points nearer than this to the one before are left out [m]
 LONGEST = 1.0  # of a profile [m]
 FEW = 40  # points
@@ -46,6 +47,7 @@ class Reading:
         profile: The curve through or near them.
         smoothing: Root mean square distance that it was allowed to keep from them [m].
         left_out: Number of points left out because they repeat the one before.
+        rim_face: Number of points left out because they lie on the face of a wheel's rim.
         residuals: Distance of each point from the curve, shape ``(n,)`` [m].
         scatter: Standard deviation of the points across the curve, from their differences [m].
         turns: Angle between the chords at each inner point, shape ``(n - 2,)`` [rad].
@@ -59,6 +61,7 @@ class Reading:
     profile: Profile
     smoothing: float
     left_out: int
+    rim_face: int
     residuals: Array
     scatter: float
     turns: Array
@@ -91,6 +94,8 @@ class Reading:
         """Yield what a user should know before trusting the curve, a line each."""
         if self.left_out:
             yield f"{self.left_out} points that repeat the one before are left out"
+        if self.rim_face:
+            yield f"{self.rim_face} points of the rim face are left out, it is no running surface"
         yield from self.oriented.assumed
         worst = int(np.argmax(self.gaps))
         if self.gaps[worst] > OPEN:
@@ -168,6 +173,8 @@ def _read(path: Path, kind: Kind | None, axes: Axes, smoothing: float) -> Readin
     kept = _apart(at.points)
     assumed = at.assumed if told else (f"a {kind}, by its width", *at.assumed)
     at = replace(at, points=at.points[kept], assumed=assumed)
+    face = _rim_face(at.points) if kind == "wheel" else 0
+    at = replace(at, points=at.points[: len(at.points) - face])
     if len(at.points) < 4:
         raise ValueError(f"expected 4 or more points that differ, got {len(at.points)}")
     if np.hypot(*(at.points[-1] - at.points[0])) < 0.1 * np.ptp(at.points, axis=0).max():
@@ -181,7 +188,8 @@ def _read(path: Path, kind: Kind | None, axes: Axes, smoothing: float) -> Readin
         oriented=at,
         profile=profile,
         smoothing=smoothing,
-        left_out=len(points) - len(at.points),
+        left_out=len(points) - len(kept),
+        rim_face=face,
         residuals=_residuals(at.points, profile),
         scatter=_scatter(at.points),
         turns=turns,
@@ -207,6 +215,13 @@ def _apart(points: Array) -> list[int]:
         if np.hypot(*(points[k] - points[kept[-1]])) > CLOSE:
             kept.append(k)
     return kept
+
+
+def _rim_face(points: Array) -> int:
+    """Return how many points at the end of a wheel run down the face of its rim."""
+    y, z = points.T
+    edge = int(np.argmax(y >= y.max() - FACE_WIDTH))
+    return len(y) - 1 - edge if z[edge] - z[-1] > FACE_HEIGHT else 0
 
 
 def from_points(points: Array, *, name: str = "points", smoothing: float = 0.0) -> Profile:

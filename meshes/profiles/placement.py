@@ -305,7 +305,8 @@ def _parts(wheel: Profile, s: Array) -> tuple[Flags, Flags]:
         return index < 0, index >= 0
     steep = -wheel.angle(s)
     tip = int(np.searchsorted(s, flange[0]))
-    least = float(steep[tip:].max()) - FLANK
+    tape = int(np.flatnonzero(wheel.at(s)[:, 0] <= 0)[-1])  # beyond it a rim face may be steeper
+    least = float(steep[tip : tape + 1].max()) - FLANK
     start = tip + int(np.argmax(steep[tip:] >= least))
     end = start + int(np.argmax(steep[start:] < least))
     return (index >= start) & (index < end), index >= end

@@ -56,7 +56,11 @@ def test_a_wheel_comes_the_right_way_up(tmp_path, shape, flip, mirror, back):
     path = tmp_path / "wheel.csv"
     written(path, WHEELS[shape], flip, mirror, back)
     found = read(path, "wheel")
-    assert found.points == pytest.approx(WHEELS[shape], abs=1e-12)
+    surface = WHEELS[shape]
+    if RIM[-1, 1] == surface[-1, 1]:  # the rim face is no running surface: left out and told
+        assert any("points of the rim face are left out" in doubt for doubt in found.doubts())
+        surface = surface[: -len(RIM) + (1 if shape == NO_FLANGE else -1)]  # from its edge on
+    assert found.points == pytest.approx(surface, abs=1e-12)
     said = found.oriented
     assert (said.outward, said.inner) == ("down" if flip else "up", "right" if mirror else "left")
     assert said.origin == ("flange-back" if back else "tape-circle")
