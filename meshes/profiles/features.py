@@ -43,9 +43,12 @@ def flange_of(profile: Profile) -> tuple[float, float] | None:
     steep = -_slope(profile, s)
     tip = int(np.argmax(r))
     tread = float(r[np.argmin(np.abs(y))])
-    if r[tip] - tread < 0.010 or y[tip] > 0 or steep[tip:].max() < np.radians(45.0):
+    if r[tip] - tread < 0.010 or y[tip] > 0:
         return None
-    flank = tip + int(np.argmax(steep[tip:] > 0.985 * steep[tip:].max()))
+    before = steep[tip:][y[tip:] < 0]  # beyond the tape circle a rim face may be steeper
+    if before.max(initial=0.0) < np.radians(45.0):
+        return None
+    flank = tip + int(np.argmax(before > 0.985 * before.max()))
     return float(s[tip]), float(s[flank])
 
 

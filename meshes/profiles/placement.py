@@ -10,13 +10,14 @@ from scipy.optimize import brentq
 from meshes.arrays import Array, Flags
 from meshes.hexmesh import HexMesh
 from meshes.profiles.features import flange_of
+from meshes.profiles.orientation import FLANGE_BACK, GAUGE_DEPTH
 from meshes.profiles.outline import SPACING, axes, contact_angle, distance, outline, seen_from_above
 from meshes.profiles.profiles import Profile, inclined, rail_54e1, s1002, shifted
 
-TAPE = 0.750  # lateral position of the tape circle: half of 1360 mm flange back distance + 70 mm
+BACK_TO_BACK = 1.360  # distance of the flange backs of a wheelset
+TAPE = BACK_TO_BACK / 2 + FLANGE_BACK  # lateral position of the tape circle
 RADIUS = 0.460
 GAUGE = 1.435
-GAUGE_DEPTH = 0.014  # the gauge is measured this far below the rail top
 INCLINATION = 1 / 40
 FLANK = np.radians(4.0)  # what is less steep than the flange's steepest part by this is tread
 PRESSED = 1e-4  # depth of the flange in the corner, twice the approach of a loaded patch [m]
@@ -74,23 +75,30 @@ class Placement:
 
 
 def rail_in_track(
-    profile: Profile | None = None, *, inclination: float = INCLINATION, gauge: float = GAUGE
+    profile: Profile | None = None,
+    *,
+    inclination: float = INCLINATION,
+    gauge: float = GAUGE,
+    gauge_depth: float = GAUGE_DEPTH,
 ) -> Profile:
     """Return the rail profile in the track: (y, z) of the global frame.
 
     The rail is turned about its own axis, its highest point is put at z = 0 and its gauge face,
-    14 mm below, at y = gauge / 2.
+    ``gauge_depth`` below, at y = gauge / 2.
 
     Args:
         profile: Upright rail profile; 54E1 by default.
         inclination: Slope of the rail towards the track centre, 1:40.
         gauge: Distance of the gauge faces of the two rails [m].
+        gauge_depth: How far below the rail top it is measured [m].
     """
     profile = inclined(rail_54e1() if profile is None else profile, inclination)
-    return shifted(profile, track_offset(profile, gauge))
+    return shifted(profile, track_offset(profile, gauge, gauge_depth))
 
 
-def track_offset(inclined_head: Profile, gauge: float = GAUGE) -> Array:
+def track_offset(
+    inclined_head: Profile, gauge: float = GAUGE, gauge_depth: float = GAUGE_DEPTH
+) -> Array:
     """Return how far an inclined rail head is moved into the track, shape ``(2,)`` [m].
 
     Raises:
@@ -100,12 +108,12 @@ def track_offset(inclined_head: Profile, gauge: float = GAUGE) -> Array:
     y, z = fine.T
     top = int(np.argmax(z))
     gauge_side = slice(0, top + 1)
-    if z[0] > z[top] - GAUGE_DEPTH:
+    if z[0] > z[top] - gauge_depth:
         raise ValueError(
-            f"rail profile: expected a gauge side that reaches {GAUGE_DEPTH} m below the rail top, "
+            f"rail profile: expected a gauge side that reaches {gauge_depth} m below the rail top, "
             f"got {z[top] - z[0]:.4f} m"
         )
-    face = np.interp(z[top] - GAUGE_DEPTH, z[gauge_side], y[gauge_side])
+    face = np.interp(z[top] - gauge_depth, z[gauge_side], y[gauge_side])
     return np.array([gauge / 2 - face, -z[top]])
 
 
@@ -297,7 +305,8 @@ def _parts(wheel: Profile, s: Array) -> tuple[Flags, Flags]:
         return index < 0, index >= 0
     steep = -wheel.angle(s)
     tip = int(np.searchsorted(s, flange[0]))
-    least = float(steep[tip:].max()) - FLANK
+    tape = int(np.flatnonzero(wheel.at(s)[:, 0] <= 0)[-1])  # beyond it a rim face may be steeper
+    least = float(steep[tip : tape + 1].max()) - FLANK
     start = tip + int(np.argmax(steep[tip:] >= least))
     end = start + int(np.argmax(steep[start:] < least))
     return (index >= start) & (index < end), index >= end

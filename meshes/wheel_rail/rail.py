@@ -19,7 +19,7 @@ from meshes.generate.sweep import (
     refined_cells,
 )
 from meshes.hexmesh import HexMesh, boundary
-from meshes.profiles.placement import GAUGE, INCLINATION, track_offset
+from meshes.profiles.placement import GAUGE, GAUGE_DEPTH, INCLINATION, track_offset
 from meshes.profiles.profiles import Profile, inclined
 from meshes.profiles.profiles import rail as drawn_rail
 from meshes.spacing import zoned
@@ -38,6 +38,7 @@ def rail(
     zone: tuple[float, float] = (-0.1, 0.1),
     inclination: float = INCLINATION,
     gauge: float = GAUGE,
+    gauge_depth: float = GAUGE_DEPTH,
     largest: float = 0.1,
     profile: Profile | None = None,
     design: str = "54E1",
@@ -47,8 +48,9 @@ def rail(
     """Return a rail in the track.
 
     The rail is turned about its own axis by ``inclination`` towards the track centre; its highest
-    point lies at z = 0 and its gauge face, 14 mm below, at y = gauge / 2. Cells of about ``size``
-    lie in the zone from 10 mm on the field side of the rail centre to the foot of the gauge corner.
+    point lies at z = 0 and its gauge face, ``gauge_depth`` below, at y = gauge / 2. Cells of about
+    ``size`` lie in the zone from 10 mm on the field side of the rail centre to the foot of the
+    gauge corner.
 
     Args:
         length: Length of the rail [m].
@@ -57,6 +59,7 @@ def rail(
         zone: Stretch along the rail that is fine [m].
         inclination: Slope of the rail towards the track centre.
         gauge: Distance of the gauge faces [m].
+        gauge_depth: How far below the rail top it is measured [m].
         largest: Largest length of cells along the rail [m].
         profile: Its running surface, upright, completed by sides where it has none; that of
             ``design`` by default.
@@ -75,7 +78,7 @@ def rail(
     tagged = _tagged(swept, (x0, x0 + length), base)
     turn = np.arctan(inclination)
     c, s = np.cos(turn), np.sin(turn)
-    offset = track_offset(inclined(head, inclination), gauge)
+    offset = track_offset(inclined(head, inclination), gauge, gauge_depth)
     x, y, z = tagged.points.T
     return tagged.moved(np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]]))
 

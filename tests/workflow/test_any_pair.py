@@ -73,10 +73,13 @@ def test_cone_rolls_on_the_crown(files, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mesh.wheel_profile": "54E1"}, "mesh.wheel_profile = '54E1': .*S1002 or a CSV"),
+        (
+            {"mesh.wheel_profile": "54E1"},
+            "mesh.wheel_profile = '54E1': .*S1002 or a file of points",
+        ),
         (
             {"mesh.rail_profile": "none.csv"},
-            "mesh.rail_profile = 'none.csv': .*54E1, 60E1 or a CSV",
+            "mesh.rail_profile = 'none.csv': .*54E1, 60E1 or a file of points",
         ),
         ({"mesh.lateral_shift": 0.2}, r"mesh\.lateral_shift = 0\.2 with .*not above the rail"),
         ({"mesh.flange_gap": 0.05}, r"mesh\.flange_gap = 0\.05 with .*expected"),

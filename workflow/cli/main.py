@@ -17,7 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # signals are ours: PETSc would print a page and exit with their number
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
-from workflow.cli import model, results, scaling, study
+from workflow.cli import model, profile, results, scaling, study
 from workflow.cli.options import (
     EXIT,
     Changes,
@@ -160,7 +160,7 @@ def _version(package: str) -> str:
     return ""
 
 
-for module in (model, results, scaling, study):
+for module in (model, profile, results, scaling, study):
     app.add_typer(module.verbs)
 
 

@@ -39,11 +39,14 @@ def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -
     checked = load(scene, changes)
     from workflow.model.advice import doubts
     from workflow.model.checks import check
+    from workflow.model.geometry import readings
 
     cost = check(checked)
+    told = list(readings(checked.mesh)) if checked.mesh.kind == "wheel-on-rail" else []
     doubtful = list(doubts(checked, cost))
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
-    lines = [f"{checked.name}: valid", f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
+    found |= {"profiles": told} if told else {}
+    lines = [f"{checked.name}: valid", *told, f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
     answer(as_json, found, lambda: lines)
 
 

@@ -38,8 +38,7 @@ def placement(record: Record) -> "Figure | None":
     if not record.wheel_on_rail:
         return None
     from meshes.profiles.outline import gap_function
-    from meshes.profiles.placement import rail_in_track
-    from workflow.model.geometry import placement_of, profiles_of
+    from workflow.model.geometry import in_track, placement_of, profiles_of
     from workflow.scene.mesh import WheelRailMesh
     from workflow.scene.scene import Scene
 
@@ -47,7 +46,7 @@ def placement(record: Record) -> "Figure | None":
     at, mesh = placement_of(scene), scene.mesh
     assert isinstance(mesh, WheelRailMesh)
     wheel, head, _ = profiles_of(mesh)
-    rail = rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+    rail = in_track(mesh, head)
     gap = gap_function(
         wheel, rail, at.centre, radius=mesh.wheel_radius, yaw=at.yaw, roll=at.roll, spacing=SPACING
     )

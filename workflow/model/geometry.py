@@ -28,7 +28,7 @@ from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
     from meshes.generate.sweep import Strip
-    from meshes.profiles.measured import Kind
+    from meshes.profiles.point_files import Kind
 
 OVERLAP = 0.01  # of a cell, by which bodies may overlap at the start
 
@@ -86,6 +86,8 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     """Return the mesh of a scene on this process, and the placement of its wheel or None."""
     mesh = scene.mesh
     if isinstance(mesh, WheelRailMesh):
+        for line in readings(mesh):
+            log(line)
         return cached_wheel_on_rail(scene, mesh, log)
     if isinstance(mesh, FileMesh):
         return mesh_from_file(scene, mesh, log)
@@ -162,16 +164,58 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
     return behind - mesh.margin, ahead + mesh.margin
 
 
-def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "profiles.Profile":
-    """Return the built-in profile or CSV file ``name``, or raise ``SceneError`` naming the key."""
-    built_in = ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
-    if name in built_in:
-        return profiles.s1002() if kind == "wheel" else profiles.rail(name)
+def readings(mesh: WheelRailMesh) -> Iterator[str]:
+    """Yield what is understood of the profile files of a scene, and what of it to doubt."""
+    kinds: tuple[Kind, Kind] = ("wheel", "rail")
+    for kind in kinds:
+        if (read := reading(mesh, kind)) is not None:
+            yield f"mesh.{kind}_profile: {read.in_words()}"
+            for doubt in read.doubts():
+                yield f"mesh.{kind}_profile: {doubt}"
+
+
+def built_in(kind: "Kind") -> tuple[str, ...]:
+    """Return the names of the profiles that come with the package."""
+    return ("S1002",) if kind == "wheel" else tuple(profiles.RAILS)
+
+
+def reading(mesh: WheelRailMesh, kind: "Kind") -> "profiles.Reading | None":
+    """Return the profile file that a scene names, as understood; None if it is a built-in one.
+
+    Raises:
+        SceneError: naming the key of a profile that cannot be used.
+    """
+    name: str = getattr(mesh, f"{kind}_profile")
+    asked = getattr(mesh, f"{kind}_axes")
+    if name in built_in(kind):
+        if asked is not None:
+            raise SceneError(
+                f"mesh.{kind}_axes: expected a file as mesh.{kind}_profile, got {name!r}, built in"
+            )
+        return None
+    axes = profiles.Axes(
+        **(asked.model_dump() if asked else {}),
+        flange_back=mesh.flange_back,
+        gauge_depth=mesh.gauge_depth,
+    )
     try:
-        return profiles.from_csv(name, kind=kind, smoothing=smoothing)
-    except (ValueError, OSError) as error:
-        expected = f"expected one of {', '.join(built_in)} or a CSV file"
-        raise SceneError(f"{key} = {name!r}: {error}; {expected}") from None
+        return profiles.read(name, kind, axes, mesh.profile_smoothing)
+    except ValueError as error:
+        raise SceneError(
+            f"mesh.{kind}_profile = {name!r}: {error} (mesh.{kind}_axes tells how its coordinates "
+            "are meant)"
+        ) from None
+    except OSError as error:
+        expected = f"expected one of {', '.join(built_in(kind))} or a file of points"
+        raise SceneError(f"mesh.{kind}_profile = {name!r}: {error}; {expected}") from None
+
+
+def profile(mesh: WheelRailMesh, kind: "Kind") -> "profiles.Profile":
+    """Return the profile that a scene names, see ``reading``."""
+    read = reading(mesh, kind)
+    if read is not None:
+        return read.profile
+    return profiles.s1002() if kind == "wheel" else profiles.rail(mesh.rail_profile)
 
 
 def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profile, str]":
@@ -182,13 +226,28 @@ def profiles_of(mesh: WheelRailMesh) -> "tuple[profiles.Profile, profiles.Profil
     """
     from meshes.wheel_rail.rail_section import completed
 
-    wheel = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
-    head = profile("mesh.rail_profile", mesh.rail_profile, "rail", mesh.profile_smoothing)
     base = mesh.rail_profile if mesh.rail_profile in profiles.RAILS else mesh.rail_base
+    wheel, head = profile(mesh, "wheel"), profile(mesh, "rail")
     try:
         return wheel, completed(head, base), base
     except ValueError as error:
         raise SceneError(f"mesh.rail_profile = {mesh.rail_profile!r}: {error}") from None
+
+
+def in_track(mesh: WheelRailMesh, head: "profiles.Profile") -> "profiles.Profile":
+    """Return a rail head in the track position of a scene.
+
+    Raises:
+        ValueError: if it does not reach down to where the gauge is measured.
+    """
+    return profiles.rail_in_track(
+        head, inclination=mesh.inclination, gauge=mesh.gauge, gauge_depth=mesh.gauge_depth
+    )
+
+
+def tape_of(mesh: WheelRailMesh) -> float:
+    """Return the lateral position of the tape circle, not shifted [m]."""
+    return mesh.back_to_back / 2 + mesh.flange_back
 
 
 def placement_of(scene: Scene) -> "profiles.Placement":
@@ -209,12 +268,13 @@ def placed_at(mesh: WheelRailMesh, yaw: float) -> "profiles.Placement":
 
     wheel, head, _ = profiles_of(mesh)
     turn: dict[str, Any] = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll}
+    turn["tape"] = tape_of(mesh)
     shift = mesh.lateral_shift
     if shift is None and flange_of(wheel) is None:
         shift = 0.0
     key, value = ("flange_gap", mesh.flange_gap) if shift is None else ("lateral_shift", shift)
     try:
-        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        rail = in_track(mesh, head)
         if shift is None:
             return profiles.lateral_shift_for(wheel, rail, flange_gap=mesh.flange_gap, **turn)
         placement = profiles.place(wheel, rail, shift=shift, **turn)
@@ -257,9 +317,10 @@ def strips_at(mesh: WheelRailMesh, yaw: float) -> dict[str, "Strip | None"]:
     given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
     wheel, head, _ = profiles_of(mesh)
     if None in given.values() and flange_of(wheel) is not None:
-        rail = profiles.rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+        yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
+        turn = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll, "tape": tape_of(mesh)}
         try:
-            found = narrow_arcs(wheel, rail, radius=mesh.wheel_radius, yaw=yaw, roll=mesh.roll)
+            found = narrow_arcs(wheel, in_track(mesh, head), **turn)
         except ValueError as error:
             raise SceneError(
                 f"mesh.strip: {error}; expected a flange that can touch, or the arc lengths "
@@ -374,9 +435,34 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     from meshes.wheel_rail.sleepers import sleepers
     from meshes.wheel_rail.wheelset import wheelset
 
-    position, wheel_plan, rail_plan = plans(mesh, yaw_of(scene), rolling_zone(scene))
-    wheel = wheelset(**wheel_plan)
-    track = rail(inclination=mesh.inclination, gauge=mesh.gauge, **rail_plan)
+    position = placement_of(scene)
+    zone = rolling_zone(scene)
+    start = mesh.start
+    tread, head, base = profiles_of(mesh)
+    strips = strips_of(scene)
+    wheel = wheelset(
+        size=mesh.size,
+        zone=zone,
+        design=mesh.wheel_design,
+        radius=mesh.wheel_radius,
+        tape=tape_of(mesh),
+        profile=tread,
+        touch=position.tread_s,
+        strip=strips["wheel"],
+    )
+    track = rail(
+        mesh.rail_length,
+        -mesh.rail_length / 2 - start,
+        size=mesh.size,
+        zone=zone,
+        inclination=mesh.inclination,
+        gauge=mesh.gauge,
+        gauge_depth=mesh.gauge_depth,
+        profile=head,
+        design=base,
+        touch=position.tread_rail_s,
+        strip=strips["rail"],
+    )
     if mesh.sleepers is None:
         return join(placed(wheel, position), track), position
     foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]

@@ -112,7 +112,7 @@ def wheel_alone(scene: Scene, size: float) -> HexMesh:
 
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
-    outside = profile("mesh.wheel_profile", mesh.wheel_profile, "wheel", mesh.profile_smoothing)
+    outside = profile(mesh, "wheel")
     return turned_wheel(
         size=size, design=mesh.wheel_design, radius=mesh.wheel_radius, profile=outside
     )

@@ -124,12 +124,29 @@ class StripMesh(Section):
     rail: Ends | None = None
 
 
+class ProfileAxes(Section):
+    """How the coordinates of a profile file are meant; what is left out is found from the points.
+
+    ``origin`` is what lies at lateral 0, ``inner`` the side of flange or gauge face (left is the
+    least lateral coordinate), ``outward`` the vertical direction away from the material, ``part``
+    which profile of a file that holds several.
+    """
+
+    unit: Literal["auto", "m", "cm", "mm", "inch"] = "auto"
+    origin: Literal["auto", "tape-circle", "flange-back", "rail-axis", "gauge-face"] = "auto"
+    inner: Literal["auto", "left", "right"] = "auto"
+    outward: Literal["auto", "up", "down"] = "auto"
+    part: Count | None = None
+
+
 class WheelRailMesh(Section):
     """A wheelset half on a rail in the track position, fine where it will roll.
 
-    A profile is the name of a built-in one or of a CSV file; a rail head from a file is joined to
-    web and foot of ``rail_base``. ``lateral_shift``, if given, takes the place of ``flange_gap``.
-    ``roll`` is the angle by which the axle rises towards the field side.
+    A profile is the name of a built-in one or of a file of points: text, MiniProf, SIMPACK; a rail
+    head from a file is joined to web and foot of ``rail_base``. The tape circle lies
+    ``flange_back`` from the flange back, the gauge is measured ``gauge_depth`` below the rail top.
+    ``lateral_shift``, if given, takes the place of ``flange_gap``. ``roll`` is the angle by which
+    the axle rises towards the field side.
     """
 
     kind: Literal["wheel-on-rail"]
@@ -138,10 +155,15 @@ class WheelRailMesh(Section):
     rail_profile: str = "54E1"
     rail_base: Literal["54E1", "60E1"] = "54E1"
     profile_smoothing: Distance = 0.0
+    wheel_axes: ProfileAxes | None = None
+    rail_axes: ProfileAxes | None = None
     wheel_design: str = "D_curved_web"
     wheel_radius: Length = 0.46
+    flange_back: Length = 0.070
+    back_to_back: Length = 1.360
     inclination: Slope = 1 / 40
     gauge: Length = 1.435
+    gauge_depth: Length = 0.014
     rail_length: Length = 10.0
     start: Position = 0.3
     flange_gap: Length = 3e-4

@@ -21,10 +21,10 @@ from scipy.spatial.transform import Rotation
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import SEEK, WheelOnRail, profile_contact, with_layer
 from meshes.arrays import Array
-from meshes.profiles.placement import Placement, rail_in_track
+from meshes.profiles.placement import Placement
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
-from workflow.model.geometry import placement_of, profiles_of
+from workflow.model.geometry import in_track, placement_of, profiles_of
 from workflow.results.patch_nodes import PatchNodes, patches_of
 from workflow.results.record import Record
 from workflow.scene.mesh import WheelRailMesh
@@ -300,7 +300,7 @@ def surfaces(scene: Scene, at: Placement) -> tuple[Surface, Surface]:
     mesh = scene.mesh
     assert isinstance(mesh, WheelRailMesh)
     profile, head, _ = profiles_of(mesh)
-    rail = rail_in_track(head, inclination=mesh.inclination, gauge=mesh.gauge)
+    rail = in_track(mesh, head)
     wheel = wheel_surface(profile, mesh.wheel_radius, at.centre, at.yaw, at.roll)
     return wheel, rail_surface(rail)
 
