@@ -1,15 +1,64 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Repair of read meshes: orientation of cells and facets, unused and coincident nodes."""
+"""Repair of read meshes: cells listed twice, orientation, unused and coincident nodes."""
+
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from meshes.arrays import Array, Index
+from meshes.arrays import Array, Flags, Index
 from meshes.hexmesh import FACES
 from meshes.quality import scaled_jacobians
 
 TURNED = [4, 5, 6, 7, 0, 1, 2, 3]  # a hexahedron seen from the other side: top and bottom change
 NEAR = 1e-6  # of the shortest edge: nodes closer than this coincide
+
+
+def once(cells: Index, members: Mapping[str, Flags]) -> tuple[Index, dict[str, Flags], int]:
+    """Return cells without those that have the nodes of one before, their groups, how many went.
+
+    A cell that is listed in two groups, as overlapping groups of gmsh write it, is in both then.
+
+    Args:
+        cells: Nodes of each hexahedron, shape ``(c, 8)``.
+        members: Which cells belong to each group.
+    """
+    _, first, number = np.unique(
+        np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    kept = np.sort(first)
+    if len(kept) == len(cells):
+        return cells, dict(members), 0
+    of = np.searchsorted(kept, first)[number.ravel()]
+    merged = {
+        name: np.bincount(of, mask, minlength=len(kept)) > 0 for name, mask in members.items()
+    }
+    return cells[kept], merged, len(cells) - len(kept)
+
+
+def check_apart(points: Array, cells: Index) -> None:
+    """Refuse cells that lie on one another.
+
+    Raises:
+        ValueError: if cells have all their nodes at the same places, or share a face with two more.
+    """
+    _, place = np.unique(points, axis=0, return_inverse=True)
+    at = np.sort(place.ravel()[cells], axis=1)
+    _, first, count = np.unique(at, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        x, y, z = points[cells[first[count > 1][0]]].mean(axis=0)
+        raise ValueError(
+            f"{(count[count > 1] - 1).sum()} hexahedra lie on others with nodes of their own, the "
+            f"first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected each once"
+        )
+    faces = np.sort(cells[:, FACES].reshape(-1, 4), axis=1)
+    unique, count = np.unique(faces, axis=0, return_counts=True)
+    if (count > 2).any():
+        x, y, z = points[unique[count > 2][0]].mean(axis=0)
+        raise ValueError(
+            f"{(count > 2).sum()} faces belong to more than two hexahedra, the first at "
+            f"x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected cells that do not overlap"
+        )
 
 
 def turned(points: Array, cells: Index) -> tuple[Index, int]:
