@@ -29,11 +29,11 @@ verbs = typer.Typer()
     )
 )
 def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
-    """Check a scene without meshing: an error names the key, what it got and expects."""
+    """Check a scene before its run: an error names the key, what it got and expects."""
     checked = load(scene, changes)
-    from workflow.model.geometry import check_profiles
+    from workflow.model.geometry import check_mesh
 
-    check_profiles(checked)
+    check_mesh(checked, progress())
     found = {"scene": checked.name, "valid": True}
     answer(as_json, found, lambda: [f"{checked.name}: valid"])
 

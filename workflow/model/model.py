@@ -91,6 +91,7 @@ def build(
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
+    mesh: Callable[..., Any] | None = None,
 ) -> Model:
     """Return the model of a scene; every check of the scene against its mesh is made here.
 
@@ -102,13 +103,14 @@ def build(
         laws: Material laws of your own by body name, in place of the scene's.
         friction: Friction laws of your own by contact name, in place of the scene's.
         items: What acts besides, of your own: each is called with the model and returns an item.
+        mesh: Builds a model of gmsh from ``mesh.parameters``, called on one rank.
 
     Raises:
         SceneError: naming the key that does not fit.
     """
     own = {**(laws or {}), **(friction or {})}
     with phase("mesh"):
-        domain, placement = domain_of(scene, comm, log)
+        domain, placement = domain_of(scene, comm, log, mesh)
     with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         attach(model, friction)

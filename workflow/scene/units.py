@@ -36,6 +36,7 @@ SlipSpeed = Annotated[float, _number("m/s", gt=0)]
 Factor = Annotated[float, _number("-", gt=0)]
 Share = Annotated[float, _number("-", ge=0)]
 Growth = Annotated[float, _number("-", ge=1, le=2)]
+Number = Annotated[float, _number("-")]  # of any unit
 Component = Annotated[float, _number("-")]
 Step = Annotated[float, _number("-", gt=0, le=1.2)]
 Count = Annotated[int, Field(ge=1, strict=True)]
