@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cache of meshes on disk, wheels on rails and models of gmsh, by a hash of all that they are made from.
+"""Cache of wheel-on-rail meshes and those of gmsh on disk, by a hash of all that makes them.
 
 They lie in ``squealx/meshes`` of the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
 The folder may be removed at any time. A file is written aside and renamed, so that readers never

@@ -31,8 +31,8 @@ TYPES = {
     "C3D6": ("wedge", 6),
     "C3D15": ("wedge15", 15),
     "C3D5": ("pyramid", 5),
-    **{name: ("quad", 4) for name in ("CPS4", "CPE4", "S4", "M3D4", "SFM3D4", "R3D4")},
-    **{name: ("triangle", 3) for name in ("CPS3", "CPE3", "S3", "STRI3", "M3D3", "SFM3D3", "R3D3")},
+    **dict.fromkeys(("S4", "SFM3D4", "M3D4", "R3D4", "CPS4", "CPE4", "CAX4"), ("quad", 4)),
+    **dict.fromkeys(("S3", "SFM3D3", "M3D3", "R3D3", "CPS3", "CPE3", "CAX3"), ("triangle", 3)),
 }
 REFUSED = {
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY"), "makes nodes that are not written out"),
@@ -161,6 +161,8 @@ def _card(line: str) -> Card:
     keyword, *words = re.findall(r'(?:"[^"]*"|[^,])+', line[1:])
     pairs = (word.partition("=") for word in words)
     options = {key.strip().upper(): value.strip() for key, _, value in pairs}
+    if numbers := [key for key in options if key[:1].isdecimal()]:
+        raise ValueError(f"*{keyword}: its line ends in a comma and runs on into {numbers[0]}, …")
     return Card(" ".join(keyword.upper().split()), options)
 
 
@@ -250,11 +252,11 @@ def _nodes(model: Model, card: Card, instance: str) -> None:
 
 def _elements(model: Model, card: Card, instance: str) -> None:
     kind = card.options.get("TYPE", "").upper()
-    name = re.match(r"(?:DC|AC)?(C?[A-Z]+3D\d+|C3D\d+|[A-Z]+\d+)", kind)
-    if name is None or name[1] not in TYPES:
+    name = re.match(r"[A-Z]+3D\d+|[A-Z]+\d+", kind)
+    if name is None or name[0] not in TYPES:
         model.left_out[kind] = model.left_out.get(kind, 0) + len(card.lines)
         return
-    cell, count = TYPES[name[1]]
+    cell, count = TYPES[name[0]]
     numbers = [int(entry) for entry in card.entries]
     if len(numbers) % (count + 1):
         raise ValueError(f"expected a number and {count} nodes for each element")
@@ -322,7 +324,8 @@ def _mesh(model: Model) -> Any:
             members.setdefault(cell, []).append(key)
             nodes.setdefault(cell, []).append([numbers[key[0], node] for node in own])
     except KeyError as error:
-        raise ValueError(f"element {key[1]} has node {error.args[0][1]}, which is not there") from None
+        node = error.args[0][1]
+        raise ValueError(f"element {key[1]} has node {node}, which is not there") from None
     blocks = [(cell, np.array(of)) for cell, of in nodes.items()]
     names = _called([*model.sets, *model.surfaces, *model.node_sets])
     sets = {n: model.sets[n] for n in model.sets if n not in model.internal}
@@ -359,9 +362,7 @@ def _called(sets: Iterable[Name]) -> dict[Name, str]:
     count = dict.fromkeys((name for _, name in every), 0)
     for _, name in every:
         count[name] += 1
-    return {
-        (of, name): f"{of}.{name}" if of and count[name] > 1 else name for of, name in every
-    }
+    return {(of, name): f"{of}.{name}" if of and count[name] > 1 else name for of, name in every}
 
 
 def _facets(

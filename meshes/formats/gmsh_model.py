@@ -150,7 +150,7 @@ def _check_cells(gmsh: Any) -> None:
     groups = gmsh.model.getPhysicalGroups(3)
     if not groups:
         raise ValueError(
-            "the model has no physical volume; expected Physical Volume(\"name\") = {…} or "
+            'the model has no physical volume; expected Physical Volume("name") = {…} or '
             "gmsh.model.addPhysicalGroup(3, [...], name=...) for each region"
         )
     volumes = {v for _, tag in groups for v in gmsh.model.getEntitiesForPhysicalGroup(3, tag)}

@@ -84,7 +84,8 @@ class Scene(Section):
                 if missing := [f"mesh.{k}" for k in both if getattr(self.mesh, k) is None]:
                     raise ValueError(
                         f"{', '.join(missing)}: missing; [rolling] with mesh.kind = "
-                        f"{self.mesh.kind!r} expects a point of the axle and the radius at the first contact [m]"
+                        f"{self.mesh.kind!r} expects a point of the axle and the radius at the "
+                        "first contact [m]"
                     )
             elif self.mesh.kind != "wheel-on-rail":
                 raise ValueError(

@@ -42,8 +42,8 @@ def touching(body: Body) -> Touching | None:
         return None
     tags = sorted(np.unique(body.regions), key=lambda t: -body.centres[body.regions == t, 2].mean())
     upper, lower = (body.cells[body.regions == tag] for tag in tags)
-    bent = _curvature(body.points, upper, -1.0), _curvature(body.points, lower, 1.0)
-    if bent[0] is None or bent[1] is None:
+    above, beneath = _curvature(body.points, upper, -1.0), _curvature(body.points, lower, 1.0)
+    if above is None or beneath is None:
         return None
     x = body.points[np.unique(upper)]
     low, high = x.min(axis=0), x.max(axis=0)
@@ -59,7 +59,7 @@ def touching(body: Body) -> Touching | None:
     flat = (np.abs(body.points[quads][:, :, 2] - high[2]) < near).all(axis=1)
     top = float(np.linalg.norm(area_vectors(body.points, quads[flat]), axis=1).sum())
     names = body.names[int(tags[0])], body.names[int(tags[1])]
-    return Touching(names, bent, halved, float(min(ends)), top)
+    return Touching(names, (above, beneath), halved, float(min(ends)), top)
 
 
 def _curvature(points: Array, cells: Index, side: float) -> float | None:
