@@ -66,6 +66,11 @@ class Card:
         """All entries, one after the other."""
         return (entry for row in self.rows for entry in row if entry)
 
+    @property
+    def words(self) -> list[str]:
+        """All entries of lines of numbers, which have no spaces in them; much faster."""
+        return " ".join(self.lines).replace(",", " ").split()
+
 
 @dataclass
 class Model:
@@ -111,8 +116,8 @@ def read(path: Path) -> Any:
         for card in (*parts.get(part, []), *own):
             _take(inside, card, name)
         turn, shift = _placement(placing, name)
-        for key, at in inside.nodes.items():
-            found.nodes[key] = (turn @ (np.array(at) + shift[0]) + shift[1]).tolist()
+        at = (np.array([*inside.nodes.values()]).reshape(-1, 3) + shift[0]) @ turn.T + shift[1]
+        found.nodes.update(zip(inside.nodes, at.tolist(), strict=True))
         for kind in ("elements", "sets", "node_sets", "surfaces", "left_out"):
             getattr(found, kind).update(getattr(inside, kind))
         found.internal |= inside.internal
@@ -239,12 +244,17 @@ def _take(model: Model, card: Card, instance: str) -> None:
 def _nodes(model: Model, card: Card, instance: str) -> None:
     if card.options.get("SYSTEM", "R").upper() not in ("R", ""):
         raise ValueError("expected rectangular coordinates")
-    keys = []
-    for number, *at in card.rows:
-        keys.append((instance, int(number)))
+    words, keys = card.words, []
+    if len(words) == 4 * len(card.lines):
+        rows: Iterable[list[str]] = (words[k : k + 4] for k in range(0, len(words), 4))
+    else:  # some coordinates are left out, or normals follow
+        rows = card.rows
+    for number, *at in rows:
+        key = instance, int(number)
+        keys.append(key)
         position = [float(x or 0) for x in at[:3]]
         position += [0.0] * (3 - len(position))
-        if model.nodes.setdefault(keys[-1], position) != position:
+        if model.nodes.setdefault(key, position) != position:
             raise ValueError(f"node {number} is given twice, at different places")
     if "NSET" in card.options:
         model.node_sets.setdefault((instance, card.name("NSET")), []).extend(keys)
@@ -257,13 +267,14 @@ def _elements(model: Model, card: Card, instance: str) -> None:
         model.left_out[kind] = model.left_out.get(kind, 0) + len(card.lines)
         return
     cell, count = TYPES[name[0]]
-    numbers = [int(entry) for entry in card.entries]
+    numbers = list(map(int, card.words))
     if len(numbers) % (count + 1):
         raise ValueError(f"expected a number and {count} nodes for each element")
-    rows = np.reshape(numbers, (-1, count + 1)).tolist()
-    keys = [(instance, row[0]) for row in rows]
-    for key, row in zip(keys, rows, strict=True):
-        if model.elements.setdefault(key, (cell, row[1:])) != (cell, row[1:]):
+    starts = range(0, len(numbers), count + 1)
+    keys = [(instance, numbers[k]) for k in starts]
+    for key, k in zip(keys, starts, strict=True):
+        own = cell, numbers[k + 1 : k + 1 + count]
+        if model.elements.setdefault(key, own) != own:
             raise ValueError(f"element {key[1]} is given twice, with different nodes")
     if "ELSET" in card.options:
         model.sets.setdefault((instance, card.name("ELSET")), []).extend(keys)

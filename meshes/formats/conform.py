@@ -2,6 +2,7 @@
 """Repair of read meshes: cells listed twice, orientation, unused and coincident nodes."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,23 +43,35 @@ def check_apart(points: Array, cells: Index) -> None:
     Raises:
         ValueError: if cells have all their nodes at the same places, or share a face with two more.
     """
-    _, place = np.unique(points, axis=0, return_inverse=True)
-    at = np.sort(place.ravel()[cells], axis=1)
-    _, first, count = np.unique(at, axis=0, return_index=True, return_counts=True)
-    if (count > 1).any():
-        x, y, z = points[cells[first[count > 1][0]]].mean(axis=0)
-        raise ValueError(
-            f"{(count[count > 1] - 1).sum()} hexahedra lie on others with nodes of their own, the "
-            f"first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected each once"
-        )
+    place = _alike(points)
+    at = np.sort(place[cells], axis=1)
+    if place.max() < len(points) - 1:  # else no two nodes are at one place
+        _, first, count = np.unique(at, axis=0, return_index=True, return_counts=True)
+        if (count > 1).any():
+            x, y, z = points[cells[first[count > 1][0]]].mean(axis=0)
+            raise ValueError(
+                f"{(count[count > 1] - 1).sum()} hexahedra lie on others with nodes of their own, "
+                f"the first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected each once"
+            )
     faces = np.sort(cells[:, FACES].reshape(-1, 4), axis=1)
-    unique, count = np.unique(faces, axis=0, return_counts=True)
+    n = len(points)
+    number = _alike(np.column_stack([faces[:, 0] * n + faces[:, 1], faces[:, 2] * n + faces[:, 3]]))
+    count = np.bincount(number)
     if (count > 2).any():
-        x, y, z = points[unique[count > 2][0]].mean(axis=0)
+        x, y, z = points[faces[np.argmax(count[number] > 2)]].mean(axis=0)
         raise ValueError(
             f"{(count > 2).sum()} faces belong to more than two hexahedra, the first at "
             f"x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected cells that do not overlap"
         )
+
+
+def _alike(rows: npt.NDArray[Any]) -> Index:
+    """Return a number for each row, the same for rows that are alike, shape ``(n,)``."""
+    order = np.lexsort(rows.T)
+    new = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    number = np.zeros(len(rows), dtype=np.int64)
+    number[order[1:]] = np.cumsum(new)
+    return number
 
 
 def turned(points: Array, cells: Index) -> tuple[Index, int]:

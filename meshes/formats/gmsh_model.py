@@ -119,8 +119,8 @@ def _read_script(gmsh: Any, script: Path, parameters: Values) -> None:
             gmsh.parser.setNumber(name, value if isinstance(value, list) else [value])
     gmsh.merge(str(script))
     for name, value in parameters.items():
-        is_text = isinstance(value, str)
-        left = list(gmsh.parser.getString(name) if is_text else gmsh.parser.getNumber(name))
+        get = gmsh.parser.getString if isinstance(value, str) else gmsh.parser.getNumber
+        left = [v if isinstance(value, str) else float(v) for v in get(name)]
         if left != (value if isinstance(value, list) else [value]):
             raise ValueError(
                 f"mesh.parameters.{name} = {value!r}: the script sets it to {left} itself; "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Input files of Abaqus: instances where the assembly puts them, sets, surfaces of element faces."""
+"""Input files of Abaqus: instances where the assembly has them, sets, surfaces of faces."""
 
 import numpy as np
 import pytest
@@ -56,10 +56,7 @@ def plane(mesh: HexMesh, surface: str) -> np.ndarray:
 def test_two_instances_of_a_part_are_two_bodies_at_their_places(tmp_path):
     """One shifted by (2, 3, 4), one turned by 90° round the line x = y = 1 after a shift by 1."""
     one = "*INSTANCE, NAME=I1, PART=cube\n2., 3., 4.\n*END INSTANCE\n"
-    two = (
-        "*Instance, name=I2, part=Cube\n1., 0., 0.\n"
-        "1., 1., 0., 1., 1., 5., 90.\n*End Instance\n"
-    )
+    two = "*Instance, name=I2, part=Cube\n1., 0., 0.\n1., 1., 0., 1., 1., 5., 90.\n*End Instance\n"
     sets = "*NSET, NSET=FEET, INSTANCE=I2\nLOW\n*NSET, NSET=FEET, INSTANCE=I1\n1, 2, 3, 4\n"
     mesh = read(tmp_path, assembly(one, two, sets=sets))
     assert len(mesh.points) == 16 and quality(mesh).volume == pytest.approx(2)
@@ -82,8 +79,14 @@ def test_sets_of_a_part_that_is_there_once_keep_their_names(tmp_path):
 
 @pytest.mark.parametrize(
     ("face", "normal"),
-    [("S1", [0, 0, -1]), ("S2", [0, 0, 1]), ("S3", [0, -1, 0])]
-    + [("S4", [1, 0, 0]), ("S5", [0, 1, 0]), ("S6", [-1, 0, 0])],
+    [
+        ("S1", [0, 0, -1]),
+        ("S2", [0, 0, 1]),
+        ("S3", [0, -1, 0]),
+        ("S4", [1, 0, 0]),
+        ("S5", [0, 1, 0]),
+        ("S6", [-1, 0, 0]),
+    ],
 )
 def test_surfaces_of_element_faces(tmp_path, face, normal):
     """S1 to S6 of the manual, by element, by set, and all free faces where none is named."""

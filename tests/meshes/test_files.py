@@ -486,7 +486,7 @@ def area(mesh: HexMesh, name: str) -> float:
 
 
 def test_cells_and_faces_that_are_listed_twice_count_once(tmp_path):
-    """Each hexahedron and each quad twice, half of them turned: 16 cells, 16 cm³, a top of 8 cm²."""
+    """Each hexahedron and each quad twice, once turned: 16 cells, 16 cm³, a top of 8 cm²."""
     mesh, path, log = bar(), tmp_path / "twice.msh", []
     top = mesh.surface(Tag.BLOCK_TOP)
     cells = np.vstack([mesh.cells, mesh.cells[::-1][:, [4, 5, 6, 7, 0, 1, 2, 3]]])
@@ -561,7 +561,7 @@ def test_triangles_on_hexahedra_are_refused(tmp_path):
 
 
 def test_region_numbers_as_floats(tmp_path):
-    """ParaView's habit: whole numbers are regions, unless the file has other groups; 1.5 is none."""
+    """ParaView's habit: whole numbers are regions, unless there are other groups; 1.5 is none."""
     mesh, path = bar(), tmp_path / "float.vtu"
     cells, ids = [("hexahedron", mesh.cells)], np.repeat([1.0, 2.0], 8)
     meshio.Mesh(mesh.points, cells, cell_data={"Mat": [ids], "p": [ids + 0.5]}).write(path)

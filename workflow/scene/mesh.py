@@ -269,7 +269,7 @@ class GmshMesh(Section):
             raise ValueError("mesh: expected path or function, got both")
         if self.path is not None and not self.path.lower().endswith(".geo"):
             raise ValueError(f"mesh.path = {self.path!r}: expected a script of gmsh, .geo")
-        if self.function is not None and not all(self.file_and_name[1:]):
+        if self.function is not None and not self.file_and_name[1].isidentifier():
             raise ValueError(f"mesh.function = {self.function!r}: expected 'file:name'")
         if "size" in self.parameters:
             raise ValueError("mesh.parameters.size: expected mesh.size, which is given as size too")
@@ -283,7 +283,7 @@ class GmshMesh(Section):
     @property
     def file_and_name(self) -> tuple[Path, str]:
         """The Python file and the name of the function in it."""
-        file, _, name = (self.function or "").rpartition(":")
+        file, _, name = (self.function or "").partition(":")
         return Path(file if file.endswith(".py") else f"{file}.py"), name
 
 
