@@ -165,12 +165,12 @@ def matched(cells: Index, quads: Index) -> tuple[Index, Index, int]:
 def coincident(
     points: Array, cells: Index, regions: npt.NDArray[np.int32]
 ) -> tuple[int, int, Array]:
-    """Return how many pairs of nodes coincide, how many of them in one region, and the first.
+    """Return how many pairs of nodes coincide, how many of them in one region, the first of these.
 
     Args:
         points: Node positions, shape ``(n, 3)`` [m].
         cells: Nodes of each hexahedron, shape ``(c, 8)``.
-        regions: Region tag of each cell, shape ``(c,)``.
+        regions: Region tag of each cell, or the number of its body, shape ``(c,)``.
     """
     from scipy.spatial import cKDTree
 
@@ -181,5 +181,5 @@ def coincident(
         return 0, 0, np.zeros(3)
     region = np.zeros(len(points), dtype=np.int32)
     region[cells] = regions[:, None]
-    within = int((region[pairs[:, 0]] == region[pairs[:, 1]]).sum())
-    return len(pairs), within, points[pairs[0, 0]]
+    within = region[pairs[:, 0]] == region[pairs[:, 1]]
+    return len(pairs), int(within.sum()), points[pairs[np.argmax(within), 0]]

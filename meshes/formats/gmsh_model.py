@@ -61,7 +61,7 @@ def meshed(
         model: A script, ``.geo``, or a function.
         parameters: What it is given.
         names: The physical groups to use.
-        log: Called with a line for everything that was put right, and for gmsh's warnings.
+        log: Called with gmsh's warnings.
 
     Raises:
         ValueError: if gmsh refuses the model, or it does not make hexahedra in named groups.
@@ -83,7 +83,7 @@ def meshed(
         said = [x for x in gmsh.logger.get() if x.startswith(("Warning", "Error"))]
         for line in said[:WARNINGS]:
             log(f"gmsh: {line}")
-        return _through_a_file(gmsh, names, log)
+        return _through_a_file(gmsh, names)
     except (ValueError, OSError):
         raise
     except Exception as error:  # gmsh raises nothing more special
@@ -164,11 +164,11 @@ def _check_cells(gmsh: Any) -> None:
         raise ValueError(f"gmsh made {found}; expected Hexahedron 8 only: {HINT}")
 
 
-def _through_a_file(gmsh: Any, names: Iterable[str], log: Callable[[str], Any]) -> HexMesh:
+def _through_a_file(gmsh: Any, names: Iterable[str]) -> HexMesh:
     """Return gmsh's mesh as it is read from a file: the same checks, the same repairs."""
     for option, value in (("MshFileVersion", 2.2), ("Binary", 1), ("SaveAll", 0)):
         gmsh.option.setNumber(f"Mesh.{option}", value)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.msh"
         gmsh.write(str(path))
-        return read_write.read(path, names={name: name for name in names}, log=log)
+        return read_write.read(path, names={name: name for name in names})

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes.arrays import Array, Index
+from meshes.arrays import Index
 from meshes.formats import conform
 from meshes.formats.contents import Contents, Members, contents, groups
 from meshes.hexmesh import HexMesh, boundary
@@ -81,7 +81,6 @@ def read(
     points, cells, facets, dropped = conform.compact(points, cells, facets)
     if dropped:
         log(f"mesh file: {dropped} nodes that belong to no hexahedron left out")
-    _tell_coincident(points, cells, regions, log)
     return HexMesh(points, cells, regions, facets, surfaces, tags)
 
 
@@ -161,22 +160,6 @@ def _quads(
     alike = np.column_stack([np.sort(every, axis=1), tagged])
     first = np.sort(np.unique(alike, axis=0, return_index=True)[1])
     return every[first], tagged[first]
-
-
-def _tell_coincident(
-    points: Array,
-    cells: Index,
-    regions: npt.NDArray[np.int32],
-    log: Callable[[str], Any],
-) -> None:
-    pairs, within, (x, y, z) = conform.coincident(points, cells, regions)
-    if pairs:
-        log(
-            f"mesh file: {pairs} pairs of nodes coincide, {within} of them within a region, the "
-            f"first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g} m. Where bodies touch that is right; "
-            "a body that should be whole comes apart there: merge its nodes in the mesher "
-            "(gmsh: Coherence Mesh)"
-        )
 
 
 def write(mesh: HexMesh, path: str | Path, names: Mapping[str, int] | None = None) -> None:

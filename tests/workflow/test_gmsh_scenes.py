@@ -168,7 +168,8 @@ def test_no_other_scene_loads_gmsh():
 def test_validate_of_the_built_in_scene_leaves_its_mesh_for_the_run(folder, command):
     """Valid, and the mesh is taken from the cache then; its sphere is one to the last bit."""
     words = ("--set", "mesh.size=2e-4", "--set", "mesh.parameters.radius=0.02")
-    assert json.loads(command("validate", "ball-on-block", *words, "--json").stdout)["valid"]
+    done = command("validate", "ball-on-block", *words, "--json")
+    assert json.loads(done.stdout)["valid"] and not done.stderr
     log: list[str] = []
     changes = {"mesh.size": 2e-4, "mesh.parameters.radius": 0.02}
     mesh, _ = mesh_of(Scene.load("ball-on-block", **changes), log.append)

@@ -111,6 +111,15 @@ def test_extent_and_mass_are_told_and_millimetres_suspected(validate):
     assert code == 0 and "millimetre" not in said
 
 
+def test_bodies_that_come_apart_are_told(validate):
+    """A block of two halves that are not merged: nine pairs; nodes of two bodies are no matter."""
+    mesh = two_blocks()
+    half = blocks.block((0.02, 0, 0), (0.03, 0.02, 0.02), cells=(1, 2, 2))
+    _, said = validate(join(mesh, half))
+    assert "9 pairs of nodes of one body coincide, the first at x = 0.02" in said
+    assert "coincide" not in validate(mesh)[1]
+
+
 def test_regions_that_no_body_has_point_to_the_groups(validate):
     """A region more than the scene has bodies: the key that chooses groups."""
     mesh = two_blocks()

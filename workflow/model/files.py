@@ -56,7 +56,7 @@ def from_file(scene: Scene, table: FileMesh, log: Log) -> HexMesh:
         mesh = read_write.read(table.path, scale=table.scale, names=table.groups, log=log)
     except (ValueError, OSError) as error:
         raise SceneError(f"mesh.path = {table.path!r}: {error}") from None
-    check(scene, mesh)
+    check(scene, mesh, log)
     log(size_of(scene, mesh, table.scale))
     return mesh
 
@@ -94,7 +94,7 @@ def from_gmsh(scene: Scene, table: GmshMesh, log: Log, own: Maker | None) -> Hex
             mesh, _ = cache.cached(name, lambda: (make(model), None), log)
     except (ValueError, OSError) as error:
         raise SceneError(f"{key}: {error}") from None
-    check(scene, mesh)
+    check(scene, mesh, log)
     return mesh
 
 
@@ -135,10 +135,23 @@ def _function(path: Path, name: str) -> Maker:
     return found
 
 
-def check(scene: Scene, mesh: HexMesh) -> None:
-    """Refuse a mesh that does not fit what the scene uses of it."""
+def check(scene: Scene, mesh: HexMesh, log: Log) -> None:
+    """Refuse a mesh that does not fit what the scene uses of it; tell where a body comes apart."""
+    from meshes.formats.conform import coincident
+
     if wrong := [*unfit_surfaces(scene, mesh), *shared_nodes(scene, mesh)]:
         raise SceneError("\n".join(wrong))
+    bodies, body_of = list(scene.bodies), owners(scene)
+    number = np.zeros(len(mesh.cells), dtype=np.int32)
+    for region, body in body_of.items():
+        number[mesh.regions == mesh.tag(region)] = bodies.index(body)
+    _, within, (x, y, z) = coincident(mesh.points, mesh.cells, number)
+    if within:
+        log(
+            f"mesh file: {within} pairs of nodes of one body coincide, the first at x = {x:.5g}, "
+            f"y = {y:.5g}, z = {z:.5g} m. It comes apart there unless they are merged in the "
+            "mesher (gmsh: Coherence Mesh)"
+        )
 
 
 def unfit_surfaces(scene: Scene, mesh: HexMesh) -> Iterator[str]:

@@ -189,8 +189,8 @@ def check_mesh(scene: Scene, log: Callable[[str], Any]) -> None:
         SceneError: naming the key that cannot be used.
     """
     check_profiles(scene)
-    if isinstance(scene.mesh, Foreign):
-        mesh_of(scene, log)
+    if isinstance(scene.mesh, Foreign):  # whether it was kept is of no interest yet
+        mesh_of(scene, lambda line: None if line.startswith("mesh: ") else log(line))
 
 
 def profile(key: str, name: str, kind: "Kind", smoothing: float = 0.0) -> "profiles.Profile":
