@@ -60,10 +60,12 @@ class Groups:
     Attributes:
         regions: Groups of hexahedra.
         surfaces: Groups of quads, and sets of nodes.
+        unread: Data on cells that is not whole numbers, so makes no groups.
     """
 
     regions: tuple[str, ...]
     surfaces: tuple[str, ...]
+    unread: tuple[str, ...] = ()
 
     def called(self, names: Mapping[str, str] | None) -> dict[str, str]:
         """Return what the groups that are used are called, in lower case, by their name here.
@@ -101,12 +103,15 @@ class Groups:
             tuple(dict.fromkeys(called[n] for n in kind if n in called))
             for kind in (self.regions, self.surfaces)
         )
-        return Groups(regions, surfaces)
+        return Groups(regions, surfaces, self.unread)
 
     @property
     def listed(self) -> str:
         """The names in words."""
-        return f"regions {list(self.regions)}, surfaces {list(self.surfaces)}"
+        found = f"regions {list(self.regions)}, surfaces {list(self.surfaces)}"
+        if self.unread and not self.regions:
+            found += f"; data on cells {list(self.unread)} is not whole numbers of regions"
+        return found
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,8 @@ class Contents:
         nodes: Nodes of each set.
         others: Facets of each group that are no quads, in words.
         types: Number of cells of each type.
-        told: What else is to be said of the file, empty if nothing is.
+        told: Elements that were left out, in words.
+        unread: Data on cells that makes no groups.
     """
 
     points: Array
@@ -134,11 +140,13 @@ class Contents:
     others: dict[str, str]
     types: dict[str, int]
     told: str = ""
+    unread: tuple[str, ...] = ()
 
     @property
     def groups(self) -> Groups:
         """Names of its groups."""
-        return Groups(tuple(self.regions), tuple({**self.sides, **self.others, **self.nodes}))
+        surfaces = {**self.sides, **self.others, **self.nodes}
+        return Groups(tuple(self.regions), tuple(surfaces), self.unread)
 
     @property
     def listed(self) -> str:
@@ -229,6 +237,7 @@ def contents(path: str | Path) -> Contents:
         _no_quads(raw, members),
         types,
         (raw.info or {}).get("left out", ""),
+        tuple(k for k in raw.cell_data if k not in _whole(raw, bool(members))),
     )
 
 

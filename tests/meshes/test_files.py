@@ -567,6 +567,8 @@ def test_region_numbers_as_floats(tmp_path):
     meshio.Mesh(mesh.points, cells, cell_data={"Mat": [ids], "p": [ids + 0.5]}).write(path)
     again = read_write.read(path)
     assert again.counts(again.regions) == {"mat 1": 8, "mat 2": 8}
+    meshio.Mesh(mesh.points, cells, cell_data={"p": [ids + 0.5]}).write(path)
+    assert "data on cells ['p'] is not whole numbers of regions" in told(path)
     both = {"Mat": [ids], "tag": [np.full(16, 3)]}
     meshio.Mesh(mesh.points, cells, cell_data=both).write(path)
     assert read_write.read(path).counts(again.regions * 0 + 1000) == {"tag 3": 16}
