@@ -328,26 +328,11 @@ def _mesh(model: Model) -> Any:
     import meshio
 
     numbers = {key: k for k, key in enumerate(model.nodes)}
-    members: dict[str, list[Key]] = {}
-    nodes: dict[str, list[list[int]]] = {}
-    try:
-        for key, (cell, own) in model.elements.items():
-            members.setdefault(cell, []).append(key)
-            nodes.setdefault(cell, []).append([numbers[key[0], node] for node in own])
-    except KeyError as error:
-        node = error.args[0][1]
-        raise ValueError(f"element {key[1]} has node {node}, which is not there") from None
-    blocks = [(cell, np.array(of)) for cell, of in nodes.items()]
     names = _called([*model.sets, *model.surfaces, *model.node_sets])
-    sets = {n: model.sets[n] for n in model.sets if n not in model.internal}
-    inside = {key for of in sets.values() for key in of}
-    groups = {names[n]: set(of) for n, of in sets.items()}
-    for key, (cell, _) in model.elements.items():
-        if key not in inside and key[0] and cell == "hexahedron":
-            groups.setdefault(key[0], set()).add(key)
+    members, blocks = _blocks(model, numbers)
     masks = {
-        name: [np.flatnonzero([key in of for key in members[cell]]) for cell, _ in blocks]
-        for name, of in groups.items()
+        name: [np.flatnonzero([key in of for key in keys]) for keys in members]
+        for name, of in _groups(model, names).items()
     }
     for name, facets in model.surfaces.items():
         quads = _facets(model, numbers, dict(blocks).get("hexahedron"), facets)
@@ -365,6 +350,31 @@ def _mesh(model: Model) -> Any:
     return meshio.Mesh(
         points, blocks, cell_sets=masks, point_sets=point_sets, info={"left out": left_out}
     )
+
+
+def _blocks(
+    model: Model, numbers: Mapping[Key, int]
+) -> tuple[list[list[Key]], list[tuple[str, Index]]]:
+    """Return the elements of each type: their keys, and the type with their nodes."""
+    keys: dict[str, list[Key]] = {}
+    nodes: dict[str, list[list[int]]] = {}
+    for key, (cell, own) in model.elements.items():
+        if missing := [node for node in own if (key[0], node) not in numbers]:
+            raise ValueError(f"element {key[1]} has node {missing[0]}, which is not there")
+        keys.setdefault(cell, []).append(key)
+        nodes.setdefault(cell, []).append([numbers[key[0], node] for node in own])
+    return list(keys.values()), [(cell, np.array(of)) for cell, of in nodes.items()]
+
+
+def _groups(model: Model, names: Mapping[Name, str]) -> dict[str, set[Key]]:
+    """Return the elements of each group: sets, and instances for the cells in none."""
+    sets = {n: model.sets[n] for n in model.sets if n not in model.internal}
+    inside = {key for of in sets.values() for key in of}
+    groups = {names[n]: set(of) for n, of in sets.items()}
+    for key, (cell, _) in model.elements.items():
+        if key not in inside and key[0] and cell == "hexahedron":
+            groups.setdefault(key[0], set()).add(key)
+    return groups
 
 
 def _called(sets: Iterable[Name]) -> dict[Name, str]:

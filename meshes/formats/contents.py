@@ -217,14 +217,6 @@ def contents(path: str | Path) -> Contents:
         }
         return {name: mask for name, mask in chosen.items() if mask.any()}
 
-    nodes = {}
-    for name, ids in raw.point_sets.items():
-        nodes[name] = np.zeros(len(raw.points), dtype=bool)
-        nodes[name][np.asarray(ids, dtype=np.int64)] = True
-    for tag, names in getattr(raw, "point_tags", {}).items():  # of MED
-        for name in names:
-            mask = nodes.setdefault(name, np.zeros(len(raw.points), dtype=bool))
-            mask |= raw.point_data["point_tags"] == tag
     points = np.asarray(raw.points, dtype=np.float64)
     points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
     return Contents(
@@ -233,12 +225,25 @@ def contents(path: str | Path) -> Contents:
         cells("quad", 4),
         part("hexahedron"),
         part("quad"),
-        nodes,
+        _node_sets(raw),
         _no_quads(raw, members),
         types,
         (raw.info or {}).get("left out", ""),
         tuple(k for k in raw.cell_data if k not in _whole(raw, bool(members))),
     )
+
+
+def _node_sets(raw: Any) -> Members:
+    """Return the nodes of each set."""
+    nodes: Members = {}
+    for name, ids in raw.point_sets.items():
+        nodes[name] = np.zeros(len(raw.points), dtype=bool)
+        nodes[name][np.asarray(ids, dtype=np.int64)] = True
+    for tag, names in getattr(raw, "point_tags", {}).items():  # of MED
+        for name in names:
+            mask = nodes.setdefault(name, np.zeros(len(raw.points), dtype=bool))
+            mask |= raw.point_data["point_tags"] == tag
+    return nodes
 
 
 def _no_quads(raw: Any, members: Mapping[str, list[Any]]) -> dict[str, str]:
