@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cache of wheel-on-rail meshes on disk, by a hash of all that they are made from.
+"""Cache of wheel-on-rail meshes and those of gmsh on disk, by a hash of all that makes them.
 
 They lie in ``squealx/meshes`` of the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
 The folder may be removed at any time. A file is written aside and renamed, so that readers never
@@ -22,7 +22,7 @@ from meshes.profiles.placement import Placement
 
 LIMIT = 2e9  # bytes of all files together
 ARRAYS = ("points", "cells", "regions", "facets", "surfaces")
-Placed = tuple[HexMesh, Placement]
+Placed = tuple[HexMesh, Placement | None]
 
 
 def folder() -> Path:
@@ -86,14 +86,14 @@ def cached(name: str, make: Callable[[], Placed], log: Callable[[str], Any]) -> 
     return made
 
 
-def save(path: Path, mesh: HexMesh, placement: Placement) -> None:
-    """Write a mesh and its placement, all or nothing.
+def save(path: Path, mesh: HexMesh, placement: Placement | None) -> None:
+    """Write a mesh and its placement, if it has one, all or nothing.
 
     Raises:
         OSError: if the folder or the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    told = {"names": dict(mesh.names), "placement": asdict(placement)}
+    told = {"names": dict(mesh.names), "placement": asdict(placement) if placement else None}
     text = json.dumps(told, default=lambda value: value.tolist())
     handle, aside = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
@@ -107,7 +107,7 @@ def save(path: Path, mesh: HexMesh, placement: Placement) -> None:
 
 
 def load(path: Path) -> Placed:
-    """Return a mesh and its placement.
+    """Return a mesh and its placement, None if it was kept without one.
 
     Raises:
         OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile: if the file is damaged.
@@ -115,6 +115,8 @@ def load(path: Path) -> Placed:
     with np.load(path, allow_pickle=False) as data:
         arrays = {name: data[name] for name in ARRAYS}
         told = json.loads(data["told"].tobytes())
+    if told["placement"] is None:
+        return HexMesh(**arrays, names=told["names"]), None
     values = {f.name: told["placement"][f.name] for f in fields(Placement)}
     values = {k: np.array(v) if isinstance(v, list) else v for k, v in values.items()}
     return HexMesh(**arrays, names=told["names"]), Placement(**values)

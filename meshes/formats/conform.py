@@ -1,15 +1,77 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Repair of read meshes: orientation of cells and facets, unused and coincident nodes."""
+"""Repair of read meshes: cells listed twice, orientation, unused and coincident nodes."""
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshes.arrays import Array, Index
+from meshes.arrays import Array, Flags, Index
 from meshes.hexmesh import FACES
 from meshes.quality import scaled_jacobians
 
 TURNED = [4, 5, 6, 7, 0, 1, 2, 3]  # a hexahedron seen from the other side: top and bottom change
 NEAR = 1e-6  # of the shortest edge: nodes closer than this coincide
+
+
+def once(cells: Index, members: Mapping[str, Flags]) -> tuple[Index, dict[str, Flags], int]:
+    """Return cells without those that have the nodes of one before, their groups, how many went.
+
+    A cell that is listed in two groups, as overlapping groups of gmsh write it, is in both then.
+
+    Args:
+        cells: Nodes of each hexahedron, shape ``(c, 8)``.
+        members: Which cells belong to each group.
+    """
+    _, first, number = np.unique(
+        np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    kept = np.sort(first)
+    if len(kept) == len(cells):
+        return cells, dict(members), 0
+    of = np.searchsorted(kept, first)[number.ravel()]
+    merged = {
+        name: np.bincount(of, mask, minlength=len(kept)) > 0 for name, mask in members.items()
+    }
+    return cells[kept], merged, len(cells) - len(kept)
+
+
+def check_apart(points: Array, cells: Index) -> None:
+    """Refuse cells that lie on one another.
+
+    Raises:
+        ValueError: if cells have all their nodes at the same places, or share a face with two more.
+    """
+    place = _alike(points)
+    at = np.sort(place[cells], axis=1)
+    if place.max() < len(points) - 1:  # else no two nodes are at one place
+        _, first, count = np.unique(at, axis=0, return_index=True, return_counts=True)
+        if (count > 1).any():
+            x, y, z = points[cells[first[count > 1][0]]].mean(axis=0)
+            raise ValueError(
+                f"{(count[count > 1] - 1).sum()} hexahedra lie on others with nodes of their own, "
+                f"the first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected each once"
+            )
+    faces = np.sort(cells[:, FACES].reshape(-1, 4), axis=1)
+    n = len(points)
+    number = _alike(np.column_stack([faces[:, 0] * n + faces[:, 1], faces[:, 2] * n + faces[:, 3]]))
+    count = np.bincount(number)
+    if (count > 2).any():
+        x, y, z = points[faces[np.argmax(count[number] > 2)]].mean(axis=0)
+        raise ValueError(
+            f"{(count > 2).sum()} faces belong to more than two hexahedra, the first at "
+            f"x = {x:.5g}, y = {y:.5g}, z = {z:.5g}; expected cells that do not overlap"
+        )
+
+
+def _alike(rows: npt.NDArray[Any]) -> Index:
+    """Return a number for each row, the same for rows that are alike, shape ``(n,)``."""
+    order = np.lexsort(rows.T)
+    new = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    number = np.zeros(len(rows), dtype=np.int64)
+    number[order[1:]] = np.cumsum(new)
+    return number
 
 
 def turned(points: Array, cells: Index) -> tuple[Index, int]:
@@ -103,12 +165,12 @@ def matched(cells: Index, quads: Index) -> tuple[Index, Index, int]:
 def coincident(
     points: Array, cells: Index, regions: npt.NDArray[np.int32]
 ) -> tuple[int, int, Array]:
-    """Return how many pairs of nodes coincide, how many of them in one region, and the first.
+    """Return how many pairs of nodes coincide, how many of them in one region, the first of these.
 
     Args:
         points: Node positions, shape ``(n, 3)`` [m].
         cells: Nodes of each hexahedron, shape ``(c, 8)``.
-        regions: Region tag of each cell, shape ``(c,)``.
+        regions: Region tag of each cell, or the number of its body, shape ``(c,)``.
     """
     from scipy.spatial import cKDTree
 
@@ -119,5 +181,5 @@ def coincident(
         return 0, 0, np.zeros(3)
     region = np.zeros(len(points), dtype=np.int32)
     region[cells] = regions[:, None]
-    within = int((region[pairs[:, 0]] == region[pairs[:, 1]]).sum())
-    return len(pairs), within, points[pairs[0, 0]]
+    within = region[pairs[:, 0]] == region[pairs[:, 1]]
+    return len(pairs), int(within.sum()), points[pairs[np.argmax(within), 0]]

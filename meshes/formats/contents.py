@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contents of mesh files: points, hexahedra, quads and groups, read by meshio.
+"""Contents of mesh files: points, hexahedra, quads and groups, read by meshio or here (Abaqus).
 
 A group of hexahedra is a region. A group of quads is a surface, and so is a set of nodes: it means
-the outer facets all of whose nodes it holds. Integer data on cells, as formats without groups have
-it, makes a group ``NAME VALUE`` of each value; ``A-B-C`` with values 0, 1, 2 makes three groups, as
-meshio writes them. Names are compared in lower case.
+the outer facets all of whose nodes it holds. Whole numbers on cells, as formats without groups have
+them, make a group ``NAME VALUE`` of each value; ``A-B-C`` with values 0, 1, 2 makes three groups,
+as meshio writes them. Names are compared in lower case; groups whose names differ by case alone
+have to be renamed in the table of names.
 """
 
 import contextlib
@@ -19,41 +20,98 @@ import numpy as np
 
 from meshes.arrays import Array, Flags, Index
 
+# Formats that hold hexahedra with groups, all that are named where another one is given.
+READ = {
+    ".msh": "gmsh",
+    ".inp": "Abaqus",
+    ".med": "Salome",
+    ".vtu": "ParaView",
+    ".vtk": "VTK",
+    ".xdmf": "XDMF",
+    ".e": "Exodus",
+    ".bdf": "Nastran",
+    ".avs": "AVS",
+    ".mesh": "Medit",
+}
+OTHERS = {
+    ".k": "LS-DYNA",
+    ".key": "LS-DYNA",
+    ".dyn": "LS-DYNA",
+    ".rad": "Radioss",
+    ".unv": "I-DEAS, Salome",
+    ".cdb": "ANSYS",
+    ".odb": "results of Abaqus",
+    ".cae": "Abaqus/CAE; write its .inp",
+    ".hm": "HyperMesh",
+    ".step": "a shape, no mesh",
+    ".stp": "a shape, no mesh",
+    ".iges": "a shape, no mesh",
+    ".igs": "a shape, no mesh",
+    ".brep": "a shape, no mesh",
+    ".geo": "a script of gmsh: mesh.kind = 'gmsh' takes it",
+}
 Members = dict[str, Flags]  # which cells, quads or nodes belong to each group
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Names of the groups of a mesh file, in lower case.
+    """Names of the groups of a mesh file.
 
     Attributes:
         regions: Groups of hexahedra.
         surfaces: Groups of quads, and sets of nodes.
+        unread: Data on cells that is not whole numbers, so makes no groups.
     """
 
     regions: tuple[str, ...]
     surfaces: tuple[str, ...]
+    unread: tuple[str, ...] = ()
 
-    def chosen(self, names: Mapping[str, str] | None) -> "Groups":
-        """Return only the groups that ``names`` has as keys, called by its values.
+    def called(self, names: Mapping[str, str] | None) -> dict[str, str]:
+        """Return what the groups that are used are called, in lower case, by their name here.
+
+        Args:
+            names: Groups to use, by their name in the file in any case, and what to call them; all
+                as they are called, if left out.
 
         Raises:
-            ValueError: if the file has no group of that name.
+            ValueError: if the file has no group of that name, or several that differ by case.
         """
+        every = dict.fromkeys((*self.regions, *self.surfaces))
         if names is None:
-            return self
-        new = lower(names)
-        if unknown := [n for n in new if n not in (*self.regions, *self.surfaces)]:
-            raise ValueError(f"no groups {unknown}; the file has {self.listed}")
-        return Groups(
-            tuple(new[n] for n in self.regions if n in new),
-            tuple(new[n] for n in self.surfaces if n in new),
+            for kind in (self.regions, self.surfaces):
+                if alike := [n for n in kind if sum(n.lower() == m.lower() for m in kind) > 1]:
+                    raise ValueError(
+                        f"groups {alike} differ by upper and lower case only; expected names for "
+                        "them in [mesh.groups], with the other groups to use"
+                    )
+            return {name: name.lower() for name in every}
+        found: dict[str, str] = {}
+        for old, new in names.items():
+            like = [old] if old in every else [n for n in every if n.lower() == old.lower()]
+            if not like:
+                raise ValueError(f"no groups {[old]}; the file has {self.listed}")
+            if len({*like}) > 1 and any(set(like) <= {*k} for k in (self.regions, self.surfaces)):
+                raise ValueError(f"group {old!r}: expected one of {like}, which differ by case")
+            found |= dict.fromkeys(like, new.lower())
+        return found
+
+    def chosen(self, names: Mapping[str, str] | None) -> "Groups":
+        """Return the names of the groups that are used; see :meth:`called`."""
+        called = self.called(names)
+        regions, surfaces = (
+            tuple(dict.fromkeys(called[n] for n in kind if n in called))
+            for kind in (self.regions, self.surfaces)
         )
+        return Groups(regions, surfaces, self.unread)
 
     @property
     def listed(self) -> str:
         """The names in words."""
-        return f"regions {list(self.regions)}, surfaces {list(self.surfaces)}"
+        found = f"regions {list(self.regions)}, surfaces {list(self.surfaces)}"
+        if self.unread and not self.regions:
+            found += f"; data on cells {list(self.unread)} is not whole numbers of regions"
+        return found
 
 
 @dataclass(frozen=True)
@@ -67,7 +125,10 @@ class Contents:
         regions: Cells of each group.
         sides: Quads of each group.
         nodes: Nodes of each set.
+        others: Facets of each group that are no quads, in words.
         types: Number of cells of each type.
+        told: Elements that were left out, in words.
+        unread: Data on cells that makes no groups.
     """
 
     points: Array
@@ -76,24 +137,22 @@ class Contents:
     regions: Members
     sides: Members
     nodes: Members
+    others: dict[str, str]
     types: dict[str, int]
+    told: str = ""
+    unread: tuple[str, ...] = ()
 
     @property
     def groups(self) -> Groups:
         """Names of its groups."""
-        sides = [*self.sides, *(n for n in self.nodes if n not in self.sides)]
-        return Groups(tuple(self.regions), tuple(sides))
+        surfaces = {**self.sides, **self.others, **self.nodes}
+        return Groups(tuple(self.regions), tuple(surfaces), self.unread)
 
     @property
     def listed(self) -> str:
         """What was found, in words."""
         types = ", ".join(f"{n} {kind}" for kind, n in self.types.items())
         return f"found {types or 'no cells'}; {self.groups.listed}"
-
-
-def lower(names: Mapping[str, str]) -> dict[str, str]:
-    """Return the table with keys and values in lower case."""
-    return {old.lower(): new.lower() for old, new in names.items()}
 
 
 def groups(path: str | Path) -> Groups:
@@ -125,7 +184,7 @@ def physical_names(path: str | Path) -> dict[tuple[int, int], str]:
             if line.startswith(b"$PhysicalNames"):
                 for _ in range(int(file.readline())):
                     dim, tag, name = file.readline().decode("utf-8").split(None, 2)
-                    names[int(dim), int(tag)] = name.strip()[1:-1].lower()
+                    names[int(dim), int(tag)] = name.strip()[1:-1]
                 break
             if line.startswith((b"$Nodes", b"$Entities")):
                 break
@@ -139,7 +198,7 @@ def contents(path: str | Path) -> Contents:
         ValueError: if the file cannot be read.
         OSError: if there is no such file.
     """
-    raw = _meshio(path)
+    raw = _raw(Path(path))
     types: dict[str, int] = {}
     for block in raw.cells:
         types[block.type] = types.get(block.type, 0) + len(block.data)
@@ -158,10 +217,6 @@ def contents(path: str | Path) -> Contents:
         }
         return {name: mask for name, mask in chosen.items() if mask.any()}
 
-    nodes = {}
-    for name, ids in raw.point_sets.items():
-        nodes[name.lower()] = np.zeros(len(raw.points), dtype=bool)
-        nodes[name.lower()][np.asarray(ids, dtype=np.int64)] = True
     points = np.asarray(raw.points, dtype=np.float64)
     points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
     return Contents(
@@ -170,16 +225,57 @@ def contents(path: str | Path) -> Contents:
         cells("quad", 4),
         part("hexahedron"),
         part("quad"),
-        nodes,
+        _node_sets(raw),
+        _no_quads(raw, members),
         types,
+        (raw.info or {}).get("left out", ""),
+        tuple(k for k in raw.cell_data if k not in _whole(raw, bool(members))),
     )
 
 
-def _meshio(path: str | Path) -> Any:
-    """Return meshio's mesh; all its ways to fail become one."""
+def _node_sets(raw: Any) -> Members:
+    """Return the nodes of each set."""
+    nodes: Members = {}
+    for name, ids in raw.point_sets.items():
+        nodes[name] = np.zeros(len(raw.points), dtype=bool)
+        nodes[name][np.asarray(ids, dtype=np.int64)] = True
+    for tag, names in getattr(raw, "point_tags", {}).items():  # of MED
+        for name in names:
+            mask = nodes.setdefault(name, np.zeros(len(raw.points), dtype=bool))
+            mask |= raw.point_data["point_tags"] == tag
+    return nodes
+
+
+def _no_quads(raw: Any, members: Mapping[str, list[Any]]) -> dict[str, str]:
+    """Return the facets of each group that are no quads, in words."""
+    found: dict[str, str] = {}
+    for name, blocks in members.items():
+        counts: dict[str, int] = {}
+        for block, mask in zip(raw.cells, blocks, strict=True):
+            if block.dim == 2 and block.type != "quad" and mask.any():
+                counts[block.type] = counts.get(block.type, 0) + int(mask.sum())
+        if counts:
+            found[name] = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+    return found
+
+
+def _raw(path: Path) -> Any:
+    """Return a file as meshio has it; all its ways to fail become one."""
     os.stat(path)
     import meshio
 
+    ending = path.suffix.lower()
+    if ending not in meshio.extension_to_filetypes:
+        program = f" ({OTHERS[ending]})" if ending in OTHERS else ""
+        raise ValueError(
+            f"files ending in {ending!r}{program} are not read; expected one of "
+            f"{', '.join(f'{end} ({of})' for end, of in READ.items())}. gmsh converts some: "
+            "gmsh FILE -save -o FILE.msh"
+        )
+    if ending == ".inp":
+        from meshes.formats import abaqus
+
+        return abaqus.read(path)
     try:
         with open(os.devnull, "w") as null, contextlib.redirect_stdout(null):
             return meshio.read(path)
@@ -199,24 +295,50 @@ def _members(raw: Any, named: Mapping[tuple[int, int], str]) -> dict[str, list[A
 
     def add(name: str, block: int, which: Any) -> None:
         empty = [np.zeros(len(b.data), dtype=bool) for b in raw.cells]
-        found.setdefault(name.lower(), empty)[block][which] = True
+        found.setdefault(name, empty)[block][which] = True
 
     for name, sets in raw.cell_sets.items():
         for k, which in enumerate(sets if name != "gmsh:bounding_entities" else ()):
             if which is not None and len(which):
                 add(name, k, which)
-    for key, data in raw.cell_data.items():
-        if key == "gmsh:geometrical" or not all(d.dtype.kind in "iu" and d.ndim == 1 for d in data):
-            continue
+    tags: dict[int, list[str]] = getattr(raw, "cell_tags", {})  # of MED
+    for key, data in _whole(raw, bool(found)).items():
         values = np.unique(np.concatenate(data)).tolist()
         parts = key.split("-")
         joined = set(values) <= set(range(-1, len(parts)))
         for k, (block, value) in ((k, (d, v)) for k, d in enumerate(data) for v in np.unique(d)):
-            name = f"{key} {value}"
+            names = [f"{key} {value:d}"]
             if key == "gmsh:physical":
-                name = named.get((raw.cells[k].dim, int(value)), "" if named or not value else name)
+                known = named.get((raw.cells[k].dim, int(value)), "")
+                names = [known] if named or not value else names
+            elif key == "cell_tags" and tags:
+                names = tags.get(int(value), [])
             elif joined:
-                name = parts[value] if value >= 0 else ""
-            if name:
+                names = [parts[value] if value >= 0 else ""]
+            for name in filter(None, names):
                 add(name, k, block == value)
     return found
+
+
+def _whole(raw: Any, grouped: bool) -> dict[str, list[Any]]:
+    """Return the data on cells that are whole numbers and make groups.
+
+    Numbers stored as floats, ParaView's habit, count where a file has no other groups.
+
+    Args:
+        raw: The file as meshio has it.
+        grouped: Whether it has sets of cells.
+    """
+    flat = {
+        key: data
+        for key, data in raw.cell_data.items()
+        if key != "gmsh:geometrical" and all(d.ndim == 1 for d in data)
+    }
+    found = {k: data for k, data in flat.items() if all(d.dtype.kind in "iu" for d in data)}
+    if found or grouped:
+        return found
+    return {
+        key: [d.astype(np.int64) for d in data]
+        for key, data in flat.items()
+        if all(d.dtype.kind in "iuf" and (d == np.rint(d)).all() for d in data)
+    }

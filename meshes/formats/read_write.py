@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes.arrays import Array, Index
+from meshes.arrays import Index
 from meshes.formats import conform
-from meshes.formats.contents import Contents, contents, groups, lower
+from meshes.formats.contents import Contents, Members, contents, groups
 from meshes.hexmesh import HexMesh, boundary
 from meshes.tags import NAMES
 
@@ -41,7 +41,7 @@ def read(
     two cells; contact surfaces may not, which is checked where they are used.
 
     Args:
-        path: Any file that meshio reads.
+        path: Any file that meshio reads, or an input file of Abaqus.
         scale: Length of the file's unit [m].
         names: Groups to use, by their name in the file, and what to call them; all if left out.
         log: Called with a line for everything that was put right.
@@ -52,18 +52,22 @@ def read(
     """
     found = contents(path)
     _check_types(found)
-    known = found.groups.chosen(names)
-    new = (
-        {n: n for n in (*found.regions, *found.groups.surfaces)} if names is None else lower(names)
-    )
-    tags = _tags((*known.regions, *known.surfaces))
+    if found.told:
+        log(f"mesh file: left out, since neither cells nor facets: {found.told}")
+    new = found.groups.called(names)
+    _check_facets(found, new)
+    tags = _tags(tuple(new[n] for n in (*found.regions, *found.groups.surfaces) if n in new))
     points = found.points * scale if scale != 1 else found.points
     if not np.isfinite(points).all():
         raise ValueError("some nodes have no finite position")
-    cells, count = conform.turned(points, found.cells)
+    cells, members, twice = conform.once(found.cells, found.regions)
+    if twice:
+        log(f"mesh file: {twice} hexahedra that are listed more than once taken once")
+    cells, count = conform.turned(points, cells)
     if count:
         log(f"mesh file: {count} of {len(cells)} hexahedra turned the right way round")
-    regions = _regions(found, new, tags)
+    conform.check_apart(points, cells)
+    regions = _regions(found, members, new, tags)
     quads, surfaces = _quads(found, cells, new, tags)
     facets, owners, flipped = conform.matched(cells, quads)
     if (stray := owners == 0).any():
@@ -77,7 +81,6 @@ def read(
     points, cells, facets, dropped = conform.compact(points, cells, facets)
     if dropped:
         log(f"mesh file: {dropped} nodes that belong to no hexahedron left out")
-    _tell_coincident(points, cells, regions, log)
     return HexMesh(points, cells, regions, facets, surfaces, tags)
 
 
@@ -93,6 +96,15 @@ def _check_types(found: Contents) -> None:
         raise ValueError(f"expected the hexahedra in named groups, got none; {found.listed}")
 
 
+def _check_facets(found: Contents, new: Mapping[str, str]) -> None:
+    """Refuse surfaces that are used and whose facets are not all quads."""
+    if wrong := [f"{name!r} has {what}" for name, what in found.others.items() if name in new]:
+        raise ValueError(
+            f"surface {', '.join(wrong)}; expected quads, the faces of hexahedra (recombine them, "
+            "or leave the group out in [mesh.groups])"
+        )
+
+
 def _tags(names: tuple[str, ...]) -> dict[str, int]:
     """Return a tag for each name: that of squealx, or one beyond."""
     foreign = sorted(set(names) - set(NAMES))
@@ -101,16 +113,16 @@ def _tags(names: tuple[str, ...]) -> dict[str, int]:
 
 
 def _regions(
-    found: Contents, new: Mapping[str, str], tags: Mapping[str, int]
+    found: Contents, members: Members, new: Mapping[str, str], tags: Mapping[str, int]
 ) -> npt.NDArray[np.int32]:
     """Return the region tag of each cell; each must have one."""
-    regions = np.zeros(len(found.cells), dtype=np.int32)
-    for name, mask in found.regions.items():
+    regions = np.zeros(len(next(iter(members.values()))), dtype=np.int32)
+    for name, mask in members.items():
         if name not in new:
             continue
         tag = tags[new[name]]
         if (twice := mask & (regions > 0) & (regions != tag)).any():
-            before = [n for n, m in found.regions.items() if (m & twice).any() and n != name]
+            before = [n for n, m in members.items() if (m & twice).any() and n != name]
             raise ValueError(
                 f"{twice.sum()} hexahedra are in group {name!r} and in {before} too; name those "
                 "to use, without overlap, in [mesh.groups]"
@@ -127,7 +139,7 @@ def _quads(
     new: Mapping[str, str],
     tags: Mapping[str, int],
 ) -> tuple[Index, npt.NDArray[np.int32]]:
-    """Return the quads of all surfaces and their tags, in the order of the file."""
+    """Return the quads of all surfaces and their tags, in the order of the file, each once."""
     quads, numbers, surfaces = [], [], []
     for name, mask in found.sides.items():
         if name in new:
@@ -144,23 +156,10 @@ def _quads(
     if not quads:
         return np.zeros((0, 4), dtype=np.int64), np.zeros(0, dtype=np.int32)
     order = np.argsort(np.concatenate(numbers), kind="stable")
-    return np.vstack(quads)[order], np.concatenate(surfaces)[order]
-
-
-def _tell_coincident(
-    points: Array,
-    cells: Index,
-    regions: npt.NDArray[np.int32],
-    log: Callable[[str], Any],
-) -> None:
-    pairs, within, (x, y, z) = conform.coincident(points, cells, regions)
-    if pairs:
-        log(
-            f"mesh file: {pairs} pairs of nodes coincide, {within} of them within a region, the "
-            f"first at x = {x:.5g}, y = {y:.5g}, z = {z:.5g} m. Where bodies touch that is right; "
-            "a body that should be whole comes apart there: merge its nodes in the mesher "
-            "(gmsh: Coherence Mesh)"
-        )
+    every, tagged = np.vstack(quads)[order], np.concatenate(surfaces)[order]
+    alike = np.column_stack([np.sort(every, axis=1), tagged])
+    first = np.sort(np.unique(alike, axis=0, return_index=True)[1])
+    return every[first], tagged[first]
 
 
 def write(mesh: HexMesh, path: str | Path, names: Mapping[str, int] | None = None) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from meshes.formats import conform, read_write
+from meshes.formats import conform, contents, read_write
 from meshes.hexmesh import HexMesh, join
 from meshes.quality import quality
 from meshes.shapes import blocks
@@ -167,8 +167,8 @@ def test_gmsh_41_in_millimetres(tmp_path):
     """A hand-written 4.1 file: groups, scale, a stray node dropped, a quad turned outwards."""
     path = tmp_path / "two.msh"
     path.write_text(GMSH_41)
-    assert read_write.groups(path).regions == ("skin", "other cube")
-    assert read_write.groups(path).surfaces == ("skin", "far end")
+    assert read_write.groups(path).regions == ("skin", "Other Cube")
+    assert read_write.groups(path).chosen(None).surfaces == ("skin", "far end")
     log = []
     mesh = read_write.read(path, scale=1e-3, log=log.append)
     assert len(mesh.points) == 12 and np.ptp(mesh.points[:, 0]) == pytest.approx(2e-3)
@@ -283,7 +283,7 @@ def test_groups_that_overlap_are_chosen_by_name(tmp_path):
     assert np.array_equal(again.regions, mesh.regions)
     quads = {frozenset(q) for q in mesh.surface(Tag.BLOCK_TOP).tolist()}
     assert {frozenset(q) for q in again.surface(again.tag("block_top")).tolist()} == quads
-    assert "no groups ['uper']" in told(path, names={"Uper": "block"})
+    assert "no groups ['Uper']" in told(path, names={"Uper": "block"})
 
 
 def test_numbers_instead_of_names(tmp_path):
@@ -291,7 +291,7 @@ def test_numbers_instead_of_names(tmp_path):
     mesh, path = two_blocks(), tmp_path / "mesh.vtu"
     data = {"MaterialIDs": [mesh.regions.astype(np.int32)]}
     meshio.Mesh(mesh.points, [("hexahedron", mesh.cells)], cell_data=data).write(path)
-    assert read_write.groups(path).regions == ("materialids 21", "materialids 22")
+    assert read_write.groups(path).regions == ("MaterialIDs 21", "MaterialIDs 22")
     again = read_write.read(path, names={"MaterialIDs 21": "block", "MaterialIDs 22": "base"})
     assert np.array_equal(again.regions, mesh.regions)
 
@@ -472,3 +472,130 @@ def test_names_of_the_file_reach_log_and_figures(command, tmp_path):
         fig = model(record)
         assert [t.get_text() for t in fig.legends[0].get_texts()] == ["plate", "upper part"]
         style.save(fig, tmp_path / "model.png")
+
+
+def bar() -> HexMesh:
+    """Sixteen cubes of 10 mm in two layers of two by four, with its top."""
+    faces = {Tag.ZMAX: Tag.BLOCK_TOP}
+    return blocks.block((0, 0, 0), (0.04, 0.02, 0.02), cells=(4, 2, 2), surfaces=faces)
+
+
+def area(mesh: HexMesh, name: str) -> float:
+    p = mesh.points[mesh.surface(mesh.tag(name))]
+    return float(np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1).sum() / 2)
+
+
+def test_cells_and_faces_that_are_listed_twice_count_once(tmp_path):
+    """Each hexahedron and each quad twice, once turned: 16 cells, 16 cm³, a top of 8 cm²."""
+    mesh, path, log = bar(), tmp_path / "twice.msh", []
+    top = mesh.surface(Tag.BLOCK_TOP)
+    cells = np.vstack([mesh.cells, mesh.cells[::-1][:, [4, 5, 6, 7, 0, 1, 2, 3]]])
+    quads = np.vstack([top, top[::-1, ::-1]])
+    blocks_ = [("hexahedron", cells), ("quad", quads)]
+    tags, names = [[21] * 32, [119] * 16], {"bar": [21, 3], "top": [119, 2]}
+    again = read_write.read(
+        written(path, mesh, cells=blocks_, tags=tags, names=names), log=log.append
+    )
+    assert len(again.cells) == 16 and len(again.facets) == 8
+    assert quality(again).volume == pytest.approx(16e-6) == quality(again).enclosed
+    assert area(again, "top") == pytest.approx(8e-4) and "16 hexahedra" in log[0]
+
+
+def test_cells_in_two_groups_are_refused_until_one_is_chosen(tmp_path):
+    """Overlapping physical groups, which gmsh 2.2 writes as cells twice; a quad may be in two."""
+    mesh, path = bar(), tmp_path / "two.msh"
+    top = mesh.surface(Tag.BLOCK_TOP)
+    cells = [("hexahedron", np.vstack([mesh.cells] * 2)), ("quad", np.vstack([top, top[:3]]))]
+    tags = [[1] * 16 + [2] * 16, [3] * 8 + [4] * 3]
+    names = {"bar": [1, 3], "solids": [2, 3], "top": [3, 2], "end": [4, 2]}
+    written(path, mesh, cells=cells, tags=tags, names=names)
+    message = told(path)
+    assert "16 hexahedra are in group 'solids' and in ['bar']" in message and "groups" in message
+    again = read_write.read(path, names={"bar": "bar", "top": "top", "end": "end"})
+    assert len(again.cells) == 16 and again.counts(again.regions) == {"bar": 16}
+    assert area(again, "top") == pytest.approx(8e-4) and area(again, "end") == pytest.approx(3e-4)
+
+
+def test_cells_that_lie_on_others_are_refused(tmp_path):
+    """A body that is written twice with nodes of its own; three cells on one face."""
+    mesh, path = bar(), tmp_path / "over.msh"
+    read_write.write(join(mesh, mesh), path)
+    assert "16 hexahedra lie on others" in told(path) and "expected each once" in told(path)
+    beyond = np.vstack([mesh.points, mesh.points[mesh.cells[0]] + np.array([0.012, 0.002, 0.001])])
+    third = [*mesh.cells[0][[1, 2, 6, 5]], *(len(mesh.points) + np.array([1, 2, 6, 5]))]
+    cells = [("hexahedron", np.vstack([mesh.cells, [third]]))]
+    names, tags = {"bar": [21, 3]}, [[21] * 17]
+    written(path, mesh, points=beyond, cells=cells, tags=tags, names=names)
+    assert "1 faces belong to more than two hexahedra" in told(path)
+
+
+def test_names_that_differ_by_case_are_kept_apart(tmp_path):
+    """Two surfaces, "Face" and "face ": as they are; "Face" and "face": renamed, else refused."""
+    mesh, path = bar(), tmp_path / "case.msh"
+    top, end = mesh.surface(Tag.BLOCK_TOP), mesh.surface(Tag.XMIN)
+    cells = [("hexahedron", mesh.cells), ("quad", np.vstack([top, end]))]
+    tags = [[1] * 16, [2] * 8 + [3] * 4]
+    names = {"bar": [1, 3], "Face": [2, 2], "face ": [3, 2]}
+    spaced = read_write.read(written(path, mesh, cells=cells, tags=tags, names=names))
+    assert area(spaced, "face") == pytest.approx(8e-4)
+    assert area(spaced, "face ") == pytest.approx(4e-4)
+    names["face"] = names.pop("face ")
+    written(path, mesh, cells=cells, tags=tags, names=names)
+    assert "groups ['Face', 'face'] differ by upper and lower case only" in told(path)
+    chosen = {"bar": "bar", "Face": "top", "face": "end"}
+    again = read_write.read(path, names=chosen)
+    assert area(again, "top") == pytest.approx(8e-4) and area(again, "end") == pytest.approx(4e-4)
+    assert "expected one of ['Face', 'face']" in told(path, names={"bar": "bar", "FACE": "top"})
+
+
+def test_triangles_on_hexahedra_are_refused(tmp_path):
+    """A surface of 16 triangles: refused where it is used, left out where it is not."""
+    mesh, path = bar(), tmp_path / "tri.msh"
+    top = mesh.surface(Tag.BLOCK_TOP)
+    halves = np.vstack([top[:, [0, 1, 2]], top[:, [0, 2, 3]]])
+    cells = [("hexahedron", mesh.cells), ("triangle", halves)]
+    names = {"bar": [1, 3], "top": [2, 2]}
+    written(path, mesh, cells=cells, tags=[[1] * 16, [2] * 16], names=names)
+    assert "surface 'top' has 16 triangle; expected quads" in told(path)
+    assert len(read_write.read(path, names={"bar": "bar"}).cells) == 16
+
+
+def test_region_numbers_as_floats(tmp_path):
+    """ParaView's habit: whole numbers are regions, unless there are other groups; 1.5 is none."""
+    mesh, path = bar(), tmp_path / "float.vtu"
+    cells, ids = [("hexahedron", mesh.cells)], np.repeat([1.0, 2.0], 8)
+    meshio.Mesh(mesh.points, cells, cell_data={"Mat": [ids], "p": [ids + 0.5]}).write(path)
+    again = read_write.read(path)
+    assert again.counts(again.regions) == {"mat 1": 8, "mat 2": 8}
+    meshio.Mesh(mesh.points, cells, cell_data={"p": [ids + 0.5]}).write(path)
+    assert "data on cells ['p'] is not whole numbers of regions" in told(path)
+    both = {"Mat": [ids], "tag": [np.full(16, 3)]}
+    meshio.Mesh(mesh.points, cells, cell_data=both).write(path)
+    assert read_write.read(path).counts(again.regions * 0 + 1000) == {"tag 3": 16}
+
+
+def test_names_of_salome(tmp_path):
+    """MED: families by number, groups by name; a family in two groups is in both."""
+    mesh, path = bar(), tmp_path / "salome.med"
+    top, end = mesh.surface(Tag.BLOCK_TOP), mesh.surface(Tag.XMIN)
+    cells = [("hexahedron", mesh.cells), ("quad", np.vstack([top, end]))]
+    tags = [np.full(16, -6), np.repeat([-7, -8], [8, 4])]
+    out = meshio.Mesh(mesh.points, cells, cell_data={"cell_tags": tags})
+    out.cell_tags = {-6: ["Rail"], -7: ["Top", "Skin"], -8: ["Skin"]}
+    meshio.write(path, out)
+    again = read_write.read(path)
+    assert again.counts(again.regions) == {"rail": 16}
+    assert area(again, "top") == pytest.approx(8e-4)
+    assert area(again, "skin") == pytest.approx(12e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "program"),
+    [("a.k", "LS-DYNA"), ("a.rad", "Radioss"), ("a.unv", "Salome"), ("a.geo", "gmsh"), ("a", "''")],
+)
+def test_formats_that_are_not_read(tmp_path, name, program):
+    """The message names the program and all formats that would do, each of which meshio knows."""
+    (tmp_path / name).write_text("*KEYWORD")
+    message = told(tmp_path / name)
+    assert program in message and all(end in message for end in (".msh", ".inp", ".med", ".vtu"))
+    assert set(contents.READ) <= set(meshio.extension_to_filetypes)

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from forms.elements import LAWS
 from workflow import Scene, run
+from workflow.model.geometry import export
 from workflow.results.record import Record
 from workflow.simulation import guards
 from workflow.theory import expected as theory
@@ -88,6 +89,7 @@ FAST = {
         {"heat of friction for the slip": 0.005, "velocity for the slip": 0.005},
     ),
     "hertz": ({"mesh.size": 1e-3}, HERTZ | LOADED),
+    "ball-on-block": ({"mesh.size": 1.2e-4}, HERTZ | LOADED),
     "hertz-cylinder": (
         {"mesh.size": 4e-4},
         {k: v for k, v in HERTZ.items() if "half axis b" not in k}
@@ -236,6 +238,20 @@ def test_a_changed_load_gets_its_own_answers(folders):
     assert p0.expected == pytest.approx(1.5 * P / (np.pi * a**2))
     assert found["normal force"].expected == pytest.approx(P / 4)
     assert p0.error == pytest.approx(0, abs=0.03)
+
+
+def test_a_mesh_file_gets_the_answers_of_its_shape(folders, tmp_path):
+    """The sphere of ``hertz`` read from a file: same answers, its radius measured on the nodes."""
+    made = named(expected(Record(folders("hertz"))))
+    scene = Scene.load("hertz", **FAST["hertz"][0])
+    export(scene, tmp_path / "sphere.msh")
+    mesh = {"kind": "file", "path": str(tmp_path / "sphere.msh"), "size": scene.mesh.size}
+    run(Scene.check(scene.tables() | {"mesh": mesh}), tmp_path / "run", quiet=True)
+    read = named(expected(Record(tmp_path / "run")))
+    assert set(read) == set(made)
+    for quantity, answer in made.items():
+        assert read[quantity].expected == pytest.approx(answer.expected, rel=1e-9)
+        assert read[quantity].value == pytest.approx(answer.value, rel=1e-6)
 
 
 OTHER = {"law": "orthotropic", "youngs_moduli": [E] * 3, "poisson_ratios": [NU] * 3}

@@ -32,16 +32,16 @@ verbs = typer.Typer()
     )
 )
 def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
-    """Check a scene without meshing, as a run does: an error names the key, what it expects.
+    """Check a scene before its run, as that does: an error names the key, what it got and expects.
 
     Says what a run would cost, and what is doubtful about it.
     """
     checked = load(scene, changes)
     from workflow.model.advice import doubts
     from workflow.model.checks import check
-    from workflow.model.geometry import readings
+    from workflow.model.geometry import read_mesh, readings
 
-    cost = check(checked)
+    cost = check(checked, read_mesh(checked, progress()))
     told = list(readings(checked.mesh)) if checked.mesh.kind == "wheel-on-rail" else []
     doubtful = list(doubts(checked, cost))
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}

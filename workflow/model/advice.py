@@ -11,7 +11,7 @@ import numpy as np
 
 from workflow.model.cost import Cost, host_memory, size_in_words, time_in_words
 from workflow.scene.bodies import Isotropic
-from workflow.scene.mesh import FileMesh, WheelRailMesh
+from workflow.scene.mesh import Foreign, WheelRailMesh
 from workflow.scene.scene import Scene
 
 ANGLE = 0.06  # largest angle of attack of the stability matrix [rad]
@@ -69,7 +69,7 @@ def turns(scene: Scene) -> dict[str, float]:
     for name, driven in scene.driven.items():
         angle[name] = float(np.linalg.norm(driven.spin)) * scene.time.end
     mesh, radius = scene.mesh, None
-    if isinstance(mesh, FileMesh):
+    if isinstance(mesh, Foreign):
         radius = mesh.rolling_radius
     elif isinstance(mesh, WheelRailMesh):
         radius = mesh.wheel_radius

@@ -13,7 +13,16 @@ from meshes.hexmesh import HexMesh
 from workflow.model.advice import TURN, turns
 from workflow.model.cost import Cost, cost_of, extent_of, host_memory, size_in_words, wave_speed
 from workflow.scene.bodies import LINEAR
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.mesh import (
+    BarMesh,
+    BlocksMesh,
+    CapMesh,
+    CurvedMesh,
+    FileMesh,
+    Foreign,
+    GmshMesh,
+    WheelRailMesh,
+)
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import RigidWall
 
@@ -124,13 +133,15 @@ def _finest(scene: Scene) -> tuple[str, float | str]:
     mesh = scene.mesh
     if isinstance(mesh, FileMesh):
         return "path", mesh.path
+    if isinstance(mesh, GmshMesh):
+        return ("size", mesh.size) if mesh.size else ("kind", mesh.kind)
     base = getattr(mesh, "base_size", None)
     return ("base_size", base) if base is not None and base < mesh.size else ("size", mesh.size)
 
 
 def _fitting(scene: Scene, key: str, per_cell: float, memory: float) -> float | None:
     """Return the smallest size of cells of a shape whose mesh has room in the memory [m]."""
-    if isinstance(scene.mesh, FileMesh | WheelRailMesh):
+    if isinstance(scene.mesh, Foreign | WheelRailMesh):
         return None
     size = getattr(scene.mesh, key)
     for _ in range(400):

@@ -19,7 +19,7 @@ from meshes.quality import edge_lengths
 from meshes.spacing import graded_cells
 from workflow.model import geometry
 from workflow.scene.bodies import Body, Isotropic
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
 WITHIN = 0.1  # of the cells of a wheel on a rail
@@ -163,8 +163,8 @@ def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
 
 def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:
     """Return the size of the mesh of a scene; arguments and errors as for :func:`cost_of`."""
-    if mesh is None and isinstance(scene.mesh, FileMesh):
-        mesh, _ = geometry.mesh_from_file(scene, scene.mesh, lambda line: None)
+    if mesh is None and isinstance(scene.mesh, Foreign):
+        mesh = geometry.read_mesh(scene, lambda line: None)
     if mesh is not None:
         edge = float(edge_lengths(mesh.points, mesh.cells).min())
         return Extent(len(mesh.cells), len(mesh.points), edge)

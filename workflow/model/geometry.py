@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Mesh of a scene, made or read on one rank and distributed by DOLFINx; mesh files of a scene.
+"""Mesh of a scene, made or read on one rank and distributed by DOLFINx; its export to a file.
 
 A wheel on a rail comes with its placement, and is kept on disk for the next run.
 """
@@ -7,7 +7,6 @@ A wheel on a rail comes with its placement, and is kept on disk for the next run
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from meshes import profiles
 from meshes.domain import Domain, distribute
@@ -23,7 +21,16 @@ from meshes.hexmesh import HexMesh, join
 from meshes.quality import edge_lengths, quality
 from meshes.shapes import blocks, caps
 from meshes.tags import Tag
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, FileMesh, WheelRailMesh
+from workflow.scene.mesh import (
+    BarMesh,
+    BlocksMesh,
+    CapMesh,
+    CurvedMesh,
+    FileMesh,
+    Foreign,
+    GmshMesh,
+    WheelRailMesh,
+)
 from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
@@ -33,14 +40,19 @@ if TYPE_CHECKING:
 OVERLAP = 0.01  # of a cell, by which bodies may overlap at the start
 
 
-def domain_of(scene: Scene, comm: MPI.Comm, log: Callable[[str], Any]) -> tuple[Domain, Any]:
+def domain_of(
+    scene: Scene,
+    comm: MPI.Comm,
+    log: Callable[[str], Any],
+    own: Callable[..., Any] | None = None,
+) -> tuple[Domain, Any]:
     """Return the distributed mesh of a scene and, for wheel on rail, its placement.
 
-    An error in meshing on rank 0 is raised on every rank.
+    An error in meshing on rank 0 is raised on every rank. ``own`` builds a model of gmsh.
     """
 
     def make() -> tuple[HexMesh, Any]:
-        mesh, placement = mesh_of(scene, log)
+        mesh, placement = mesh_of(scene, log, own)
         log(f"mesh: {shape_of(mesh)}")
         return mesh, placement
 
@@ -82,15 +94,27 @@ def shape_of(mesh: HexMesh) -> str:
     )
 
 
-def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tuple[HexMesh, Any]:
-    """Return the mesh of a scene on this process, and the placement of its wheel or None."""
+def mesh_of(
+    scene: Scene,
+    log: Callable[[str], Any] = lambda line: None,
+    own: Callable[..., Any] | None = None,
+) -> tuple[HexMesh, Any]:
+    """Return the mesh of a scene on this process, and the placement of its wheel or None.
+
+    Args:
+        scene: The scene.
+        log: Called with lines for the log.
+        own: Builds a model of gmsh in place of a script that the scene names.
+    """
     mesh = scene.mesh
+    if own is not None and not isinstance(mesh, GmshMesh):
+        raise SceneError(f"mesh = {own!r}: expected a scene with mesh.kind = 'gmsh'")
     if isinstance(mesh, WheelRailMesh):
         for line in readings(mesh):
             log(line)
         return cached_wheel_on_rail(scene, mesh, log)
-    if isinstance(mesh, FileMesh):
-        return mesh_from_file(scene, mesh, log)
+    if isinstance(mesh, Foreign):
+        return foreign(scene, mesh, log, own)
     if isinstance(mesh, BarMesh):
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
     if isinstance(mesh, BlocksMesh):
@@ -100,6 +124,20 @@ def mesh_of(scene: Scene, log: Callable[[str], Any] = lambda line: None) -> tupl
     assert isinstance(mesh, CapMesh)
     cap = caps.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
     return join(cap, caps.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None
+
+
+def foreign(
+    scene: Scene,
+    mesh: FileMesh | GmshMesh,
+    log: Callable[[str], Any],
+    own: Callable[..., Any] | None,
+) -> tuple[HexMesh, Any]:
+    """Return the mesh of another program and its wheel; what reads it is imported only here."""
+    from workflow.model import files
+
+    if isinstance(mesh, GmshMesh):
+        return files.from_gmsh(scene, mesh, log, own), files.wheel_of(mesh)
+    return files.from_file(scene, mesh, log), files.wheel_of(mesh)
 
 
 def block_on_base(mesh: BlocksMesh) -> HexMesh:
@@ -162,6 +200,19 @@ def rolling_zone(scene: Scene) -> tuple[float, float]:
     ahead = max(travel, 0.0) + max(lead, 0.0)
     behind = min(travel, 0.0) + min(lead, 0.0)
     return behind - mesh.margin, ahead + mesh.margin
+
+
+def read_mesh(scene: Scene, log: Callable[[str], Any]) -> HexMesh | None:
+    """Return the mesh of a scene that comes from a file or a model of gmsh, None of any other.
+
+    Raises:
+        SceneError: naming the key that cannot be used.
+    """
+    if not isinstance(scene.mesh, Foreign):
+        return None
+    # whether it was kept is of no interest before a run
+    mesh, _ = mesh_of(scene, lambda line: None if line.startswith("mesh: ") else log(line))
+    return mesh
 
 
 def readings(mesh: WheelRailMesh) -> Iterator[str]:
@@ -317,7 +368,6 @@ def strips_at(mesh: WheelRailMesh, yaw: float) -> dict[str, "Strip | None"]:
     given = {"wheel": mesh.strip.wheel, "rail": mesh.strip.rail}
     wheel, head, _ = profiles_of(mesh)
     if None in given.values() and flange_of(wheel) is not None:
-        yaw = scene.rolling.angle_of_attack if scene.rolling else 0.0
         turn = {"radius": mesh.wheel_radius, "yaw": yaw, "roll": mesh.roll, "tape": tape_of(mesh)}
         try:
             found = narrow_arcs(wheel, in_track(mesh, head), **turn)
@@ -468,57 +518,6 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]
     below = sleepers(foot, **mesh.sleepers.model_dump())
     return join(placed(wheel, position), track, below), position
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """What rolling needs to know of a wheel.
-
-    Attributes:
-        centre: A point of its axle, shape ``(3,)`` [m].
-        rolling_radius: Its radius at the first contact [m].
-    """
-
-    centre: npt.NDArray[np.float64]
-    rolling_radius: float
-
-
-def mesh_from_file(
-    scene: Scene, table: FileMesh, log: Callable[[str], Any]
-) -> tuple[HexMesh, Wheel | None]:
-    """Return the mesh of a file, checked against the scene, and the wheel that rolls on it.
-
-    Raises:
-        SceneError: if the file cannot be used, or not for this scene.
-    """
-    from meshes.formats import read_write
-
-    try:
-        mesh = read_write.read(table.path, scale=table.scale, names=table.groups, log=log)
-    except (ValueError, OSError) as error:
-        raise SceneError(f"mesh.path = {table.path!r}: {error}") from None
-    if wrong := list(unfit_surfaces(scene, mesh)):
-        raise SceneError("\n".join(wrong))
-    if table.wheel_centre is None or table.rolling_radius is None:
-        return mesh, None
-    return mesh, Wheel(np.array(table.wheel_centre), table.rolling_radius)
-
-
-def unfit_surfaces(scene: Scene, mesh: HexMesh) -> Iterator[str]:
-    """Yield a line for every surface without facets, and for contact surfaces inside the mesh."""
-    from meshes.formats.conform import matched
-
-    for key, name in scene.surfaces():
-        facets = mesh.surface(mesh.tag(name))
-        if not len(facets):
-            yield f"{key} = {name!r}: expected facets of hexahedra, the group has none"
-        elif key.startswith("contacts."):
-            inner = int((matched(mesh.cells, facets)[1] > 1).sum())
-            if inner:
-                yield (
-                    f"{key} = {name!r}: {inner} of its {len(facets)} facets lie between two "
-                    "hexahedra; expected outer facets (bodies in contact must not share nodes)"
-                )
 
 
 def export(scene: Scene, path: Path) -> dict[str, Any]:

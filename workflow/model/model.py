@@ -27,7 +27,7 @@ from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene import Scene, SceneError
-from workflow.scene.mesh import FileMesh
+from workflow.scene.mesh import Foreign
 
 if TYPE_CHECKING:
     from contact import ContactPair
@@ -98,6 +98,7 @@ def build(
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
+    mesh: Callable[..., Any] | None = None,
 ) -> Model:
     """Return the model of a scene; every check of the scene against its mesh is made here.
 
@@ -109,6 +110,7 @@ def build(
         laws: Material laws of your own by body name, in place of the scene's.
         friction: Friction laws of your own by contact name, in place of the scene's.
         items: What acts besides, of your own: each is called with the model and returns an item.
+        mesh: Builds a model of gmsh from ``mesh.parameters``, called on one rank.
 
     Raises:
         SceneError: naming the key that does not fit.
@@ -116,9 +118,9 @@ def build(
     """
     host_of(comm)
     own = {**(laws or {}), **(friction or {})}
-    doubtful = [] if (read := isinstance(scene.mesh, FileMesh)) else told(scene, None, comm, log)
+    doubtful = [] if (read := isinstance(scene.mesh, Foreign)) else told(scene, None, comm, log)
     with phase("mesh"):
-        domain, placement = domain_of(scene, comm, log)
+        domain, placement = domain_of(scene, comm, log, mesh)
     if read:
         doubtful = told(scene, domain.source, comm, log)
     with phase("compile"):

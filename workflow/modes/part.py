@@ -15,7 +15,7 @@ from meshes.hexmesh import HexMesh
 from workflow.model.geometry import mesh_of, placement_of, profile
 from workflow.model.regions import owners, surface_nodes
 from workflow.model.supports import axle, supports
-from workflow.scene.mesh import FileMesh, WheelRailMesh
+from workflow.scene.mesh import Foreign, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
 WHEEL = "wheel"
@@ -142,7 +142,7 @@ def axis_of(scene: Scene, alone: bool, rolls: bool) -> Axis | None:
         return Axis(np.zeros(3), np.array([0.0, 1.0, 0.0]))
     if not rolls:
         return None
-    if isinstance(scene.mesh, FileMesh):
+    if isinstance(scene.mesh, Foreign):
         return Axis(np.array(scene.mesh.wheel_centre), axle(scene))
     return Axis(np.array(placement_of(scene).centre), axle(scene))
 

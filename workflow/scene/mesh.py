@@ -1,21 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tables ``[mesh]`` of a scene: shapes with closed forms, wheel on rail, mesh files."""
+"""Tables ``[mesh]`` of a scene: shapes with closed forms, wheel on rail, mesh files, gmsh."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import (
+    Field,
     field_validator,
     model_validator,
 )
 
-from workflow.scene.units import Angle, Count, Distance, Growth, Length, Position, Section, Slope
+from workflow.scene.units import (
+    Angle,
+    Count,
+    Distance,
+    Growth,
+    Length,
+    Number,
+    Position,
+    Section,
+    Slope,
+)
 
 if TYPE_CHECKING:
     from meshes.formats.contents import Groups
 
 DRAWN = ("S1002", "54E1", "60E1")  # profiles that are no files
-FILES = ("mesh.path", "mesh.wheel_profile", "mesh.rail_profile")  # keys whose value may be a file
+# keys whose value may be a file
+FILES = ("mesh.path", "mesh.function", "mesh.wheel_profile", "mesh.rail_profile")
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmax")  # and zmin, where nothing lies below
 
 
@@ -245,3 +257,60 @@ class FileMesh(Section):
     def surfaces(self) -> tuple[str, ...]:
         """Names of the surfaces."""
         return self.names.surfaces
+
+
+class GmshMesh(Section):
+    """A model of gmsh, meshed for the run; its physical groups are regions and surfaces.
+
+    The model is a script (``path``, a ``.geo``), a function by name (``function``, ``file:name`` of
+    a Python file) or one given from Python (``run(scene, out, mesh=function)``). ``parameters`` are
+    variables of a script, keywords of a function; ``size``, the edge of the cells where bodies
+    touch, is one more if it is told. ``regions`` and ``surfaces`` name the groups to use, in any
+    case. A wheel that rolls needs ``wheel_centre`` and ``rolling_radius``, as with a mesh file.
+    """
+
+    kind: Literal["gmsh"]
+    path: str | None = None
+    function: str | None = None
+    parameters: dict[str, int | Number | str | list[Number]] = Field(default_factory=dict)
+    regions: tuple[str, ...] = Field(min_length=1)
+    surfaces: tuple[str, ...] = ()
+    size: Length | None = None
+    wheel_centre: tuple[Position, Position, Position] | None = None
+    rolling_radius: Length | None = None
+
+    @field_validator("path", "function")
+    @classmethod
+    def _absolute(cls, path: str | None) -> str | None:
+        return None if path is None else str(Path(path).absolute())
+
+    @field_validator("regions", "surfaces")
+    @classmethod
+    def _lower(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(name.lower() for name in names)
+
+    @model_validator(mode="after")
+    def _one_model(self) -> Self:
+        if self.path is not None and self.function is not None:
+            raise ValueError("mesh: expected path or function, got both")
+        if self.path is not None and not self.path.lower().endswith(".geo"):
+            raise ValueError(f"mesh.path = {self.path!r}: expected a script of gmsh, .geo")
+        if self.function is not None and not self.file_and_name[1].isidentifier():
+            raise ValueError(f"mesh.function = {self.function!r}: expected 'file:name'")
+        if "size" in self.parameters:
+            raise ValueError("mesh.parameters.size: expected mesh.size, which is given as size too")
+        return self
+
+    @property
+    def source(self) -> str | None:
+        """Which key names the model, None if none does."""
+        return next((key for key in ("path", "function") if getattr(self, key)), None)
+
+    @property
+    def file_and_name(self) -> tuple[Path, str]:
+        """The Python file and the name of the function in it."""
+        file, _, name = (self.function or "").partition(":")
+        return Path(file if file.endswith(".py") else f"{file}.py"), name
+
+
+Foreign = FileMesh | GmshMesh  # meshes that other programs make

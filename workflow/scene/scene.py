@@ -3,7 +3,6 @@
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +19,8 @@ from workflow.scene.mesh import (
     CapMesh,
     CurvedMesh,
     FileMesh,
+    Foreign,
+    GmshMesh,
     WheelRailMesh,
 )
 from workflow.scene.settings import (
@@ -40,6 +41,8 @@ from workflow.scene.settings import (
 from workflow.scene.track import Absorbing, Spring, Track, Vehicle
 from workflow.scene.units import Acceleration, Name, SceneError, explain
 
+BUILTIN = Path(__file__).parent / "builtin"
+
 
 class Scene(Section):
     """A complete run."""
@@ -48,7 +51,7 @@ class Scene(Section):
     title: str
     about: str = ""
     mesh: Annotated[
-        BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh,
+        BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh | GmshMesh,
         Field(discriminator="kind"),
     ]
     bodies: dict[Name, Body] = Field(min_length=1)
@@ -95,16 +98,18 @@ class Scene(Section):
                 raise ValueError(
                     f"rolling.body = {self.rolling.body!r}: expected one of {list(self.bodies)}"
                 )
-            if isinstance(self.mesh, FileMesh):
+            if isinstance(self.mesh, Foreign):
                 both = ("wheel_centre", "rolling_radius")
                 if missing := [f"mesh.{k}" for k in both if getattr(self.mesh, k) is None]:
                     raise ValueError(
-                        f"{', '.join(missing)}: missing; [rolling] with mesh.kind = 'file' "
-                        "expects a point of the axle and the radius at the first contact [m]"
+                        f"{', '.join(missing)}: missing; [rolling] with mesh.kind = "
+                        f"{self.mesh.kind!r} expects a point of the axle and the radius at the "
+                        "first contact [m]"
                     )
             elif self.mesh.kind != "wheel-on-rail":
                 raise ValueError(
-                    f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail' or 'file'"
+                    f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail', 'file' or "
+                    "'gmsh'"
                 )
         if self.equilibrium and not (self.loads or any(self.gravity or ()) or self.driven):
             raise ValueError(
@@ -135,7 +140,9 @@ class Scene(Section):
                     yield f"bodies.{name}.regions = {region!r}: in body {owner[region]!r} already"
                 owner[region] = name
         if missing := [r for r in regions if r not in owner]:
-            yield f"bodies: no body has the regions {missing} of the mesh"
+            hint = isinstance(self.mesh, Foreign)
+            only = "; expected all in bodies, or mesh.groups with those to use" if hint else ""
+            yield f"bodies: no body has the regions {missing} of the mesh{only}"
         if self.rolling and self.rolling.driven_region.lower() not in regions:
             got = self.rolling.driven_region
             yield f"rolling.driven_region = {got!r}: expected one of {list(regions)}"
@@ -265,15 +272,15 @@ def turns(tables: Mapping[str, Any], body: str) -> bool:
 
 def names() -> list[str]:
     """Return the names of the built-in scenes."""
-    folder = resources.files("workflow.scene") / "builtin"
-    return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
+    return sorted(p.name[:-5] for p in BUILTIN.iterdir() if p.name.endswith(".toml"))
 
 
 def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked.
 
     A file with ``base`` starts from that scene, built-in or a file beside it, and has its own keys
-    put over it. The paths of mesh and profiles are relative to the TOML file that names them.
+    put over it. Paths of meshes, models of gmsh and profiles are relative to the TOML file that
+    names them.
 
     Args:
         source: Name of a built-in scene, or path of a TOML file.
@@ -284,10 +291,10 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
         tables = tomllib.loads(_text(path, str(source)))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
-    mesh = tables.get("mesh")
+    mesh, folder = tables.get("mesh"), BUILTIN if _is_name(path, str(source)) else path.parent
     if isinstance(mesh, dict):
         for key in mesh.keys() & {name.removeprefix("mesh.") for name in FILES}:
-            mesh[key] = beside(path.parent, mesh[key])
+            mesh[key] = beside(folder, mesh[key])
     base, above = tables.pop("base", None), (*above, str(source))
     if base is None:
         return tables
@@ -310,9 +317,14 @@ def beside(folder: Path, file: Any) -> Any:
     return str(folder / file) if isinstance(file, str) and file not in DRAWN else file
 
 
+def _is_name(path: Path, source: str) -> bool:
+    """Tell whether this is the name of a built-in scene."""
+    return path.suffix != ".toml" and source in names()
+
+
 def _text(path: Path, source: str) -> str:
-    if path.suffix != ".toml" and source in names():
-        return (resources.files("workflow.scene") / "builtin" / f"{source}.toml").read_text("utf-8")
+    if _is_name(path, source):
+        return (BUILTIN / f"{source}.toml").read_text("utf-8")
     if path.is_file():
         return path.read_text("utf-8")
     raise SceneError(f"scene {source!r}: expected a TOML file or one of {', '.join(names())}")

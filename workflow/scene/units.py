@@ -58,6 +58,7 @@ Share = Annotated[float, _number("-", ge=0), BOUNDED]
 Growth = Annotated[float, _number("-", ge=1, le=2), BOUNDED]
 Component = Annotated[float, _number("-"), BOUNDED]
 Step = Annotated[float, _number("-", gt=0, le=1.2), BOUNDED, SIZED]
+Number = Annotated[float, _number("-"), BOUNDED]  # of any unit
 Count = Annotated[int, Field(ge=1, strict=True)]
 Direction = Literal["x", "y", "z", "axle"]
 

@@ -64,6 +64,7 @@ def run(
     laws: Mapping[str, Law] | None = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
+    mesh: Callable[..., Any] | None = None,
     quiet: bool = False,
     resume: bool = False,
 ) -> Result:
@@ -79,6 +80,8 @@ def run(
         friction: Friction laws of your own by contact name, in place of the scene's.
         items: What acts besides, of your own: each is called with the model and returns an item
             (:class:`workflow.model.state.Item`).
+        mesh: Builds a model of gmsh from ``mesh.parameters`` of a scene with ``mesh.kind =
+            "gmsh"``; called on one rank.
         quiet: No progress on the terminal; ``run.log`` is always written.
         resume: Go on from the last checkpoint in ``out``; from the start if there is none, with
             outputs that are there put aside. A run that is finished is left as it is.
@@ -99,7 +102,7 @@ def run(
             point = point_of(folder, scene, comm, progress.log)
         with one_per_rank() as threads:
             progress.note(threads)
-            model, clock = made(scene, comm, progress, point, (laws, friction, items))
+            model, clock = made(scene, comm, progress, point, (laws, friction, items, mesh))
             job = prepared(model, clock, progress, folder, point, began)
             with concluded(job):
                 if point is None:
@@ -118,7 +121,7 @@ def made(
     comm: MPI.Comm,
     progress: Progress,
     point: checkpoint.Checkpoint | None,
-    own: tuple[Any, Any, Any],
+    own: tuple[Any, Any, Any, Any],
 ) -> tuple[Model, Clock]:
     """Return the model of a scene, for the checkpoint if there is one, and what its time took."""
     clock = Clock()

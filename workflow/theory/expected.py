@@ -8,7 +8,7 @@ yields nothing where its assumptions do not hold, or where the run is too short 
 from collections.abc import Callable, Iterator
 
 from workflow.results.record import Record
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, WheelRailMesh
+from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
 from workflow.scene.scene import Scene
 from workflow.theory.quantity import Expected
 
@@ -51,6 +51,10 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
             from workflow.theory.smooth import hertz_contact, shifted, struck
 
             return struck, shifted, carter, creep_force, half_space_code, hertz_contact
+        case _ if isinstance(scene.mesh, Foreign):
+            from workflow.theory.smooth import hertz_contact
+
+            return (hertz_contact,)
         case WheelRailMesh():
             from workflow.theory.wheel_on_rail import wheel_at_rest, wheel_rolling
 

@@ -2,7 +2,8 @@
 """Smooth bodies that touch: Hertz at rest, Cattaneo and Mindlin under a shift, Hertz's impact."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +22,14 @@ from contact.theory.closed_forms import (
 from meshes.arrays import Array
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
-from workflow.scene.mesh import BlocksMesh, CapMesh, CurvedMesh
+from workflow.scene.mesh import BlocksMesh, CapMesh, CurvedMesh, Foreign
 from workflow.scene.scene import Scene
 from workflow.theory import readings
 from workflow.theory.assumptions import bare, coulomb, held, material, pressed, undamped, velocity
 from workflow.theory.quantity import CATTANEO, ENERGY, HERTZ, IMPACT, LINE, STATICS, Expected
+
+if TYPE_CHECKING:
+    from workflow.theory.measured import Touching
 
 CORE = 0.7  # of Hertz's ellipse: nodes at its edge have a part of their area outside
 DEEP = 2.0  # half widths from the contact, where approach is measured
@@ -48,6 +52,7 @@ class Smooth:
         halved: Whether the model begins at the plane through the centre, across x and across y.
         rolls: Whether the upper body rolls.
         room: Least distance from the middle of the contact to the end of the bodies [m].
+        regions: Of the upper and of the lower body.
     """
 
     radii: tuple[float, float]
@@ -56,6 +61,7 @@ class Smooth:
     halved: tuple[bool, bool]
     rolls: bool
     room: float
+    regions: tuple[str, ...]
 
     @property
     def parts(self) -> int:
@@ -111,26 +117,39 @@ def smooth(record: Record) -> Smooth | None:
     Assumes isotropic bodies, curved towards each other, and planes of symmetry that are held.
     """
     scene = record.checked
-    mesh = scene.mesh
-    if not isinstance(mesh, CapMesh | CurvedMesh) or len(scene.contacts) != 1:
+    if len(scene.contacts) != 1:
         return None
-    upper, lower = (material(scene, region) for region in mesh.regions)
+    shape = _shape(record)
+    if shape is None:
+        return None
+    upper, lower = (material(scene, region) for region in shape.regions)
     if upper is None or lower is None:
         return None
     first, second = ((m.youngs_modulus, m.poisson_ratio) for m in (upper, lower))
-    bodies = _shape(mesh, (first, second))
-    if bodies is None:
-        return None
+    bodies = replace(shape, moduli=(first, second))
     cut = {"xmin": bodies.halved[0], "ymin": bodies.halved[1] or bodies.plane, "ymax": bodies.plane}
     free = [name for name, is_cut in cut.items() if is_cut and name[0] not in held(scene, name)]
     return None if free else bodies
 
 
-def _shape(mesh: CapMesh | CurvedMesh, moduli: Moduli) -> Smooth | None:
-    """Return the smooth bodies of a mesh, None if they are not curved towards each other."""
+NO_MODULI: Moduli = ((np.nan, np.nan), (np.nan, np.nan))  # of a shape alone
+
+
+def _shape(record: Record) -> Smooth | None:
+    """Return the smooth bodies of a mesh by shape, None if they are not curved to each other."""
+    mesh = record.checked.mesh
     if isinstance(mesh, CapMesh):
-        radii = (mesh.radius, mesh.radius)
-        return Smooth(radii, moduli, np.nan, (True, True), False, mesh.extent)
+        radii, quarter = (mesh.radius, mesh.radius), (True, True)
+        return Smooth(radii, NO_MODULI, np.nan, quarter, False, mesh.extent, mesh.regions)
+    if isinstance(mesh, Foreign):
+        found = measured(record)
+        if found is None or not sum(found.curvature) > 0:
+            return None
+        radius = 1 / sum(found.curvature)
+        radii, room = (radius, radius), found.room
+        return Smooth(radii, NO_MODULI, np.nan, found.halved, False, room, found.regions)
+    if not isinstance(mesh, CurvedMesh):
+        return None
     along = _relative(mesh.radius, mesh.base_radius)
     across = _relative(mesh.crown, mesh.base_crown)
     plane = mesh.layers is not None
@@ -141,7 +160,20 @@ def _shape(mesh: CapMesh | CurvedMesh, moduli: Moduli) -> Smooth | None:
     ends = (*mesh.x, *(() if plane else mesh.y), mesh.height, mesh.depth)
     room = min(abs(end) for end in ends if end)
     radii = (1 / along, np.inf if plane else 1 / across)
-    return Smooth(radii, moduli, thickness, halved, mesh.rolls, room)
+    return Smooth(radii, NO_MODULI, thickness, halved, mesh.rolls, room, mesh.regions)
+
+
+def measured(record: Record) -> "Touching | None":
+    """Return what the nodes of another program's mesh tell, None without fields.
+
+    Only of a scene with one contact that nothing but loads and held surfaces acts on.
+    """
+    from workflow.theory.measured import touching
+
+    scene = record.checked
+    if len(scene.contacts) != 1 or not bare(scene) or record.body is None:
+        return None
+    return touching(record.body)
 
 
 def _relative(one: float | None, other: float | None) -> float:
@@ -164,6 +196,8 @@ def applied(record: Record) -> float | None:
         return pressure * mesh.extent**2
     if isinstance(mesh, CurvedMesh) and not mesh.rolls:
         return pressure * (mesh.x[1] - mesh.x[0]) * (mesh.y[1] - mesh.y[0])
+    if isinstance(mesh, Foreign) and (found := measured(record)) is not None:
+        return pressure * found.top
     return None
 
 
@@ -221,7 +255,7 @@ def _approach(record: Record, bodies: Smooth, hertz: Hertz) -> Iterator[Expected
     What of it lies farther away than those is taken from the closed form. Needs fields.
     """
     depth = DEEP * max(hertz.a, 0.0 if bodies.plane else hertz.b)
-    found = _nearer(record, depth)
+    found = _nearer(record, depth, bodies.regions)
     if found is None:
         return
     if bodies.plane:
@@ -233,14 +267,14 @@ def _approach(record: Record, bodies: Smooth, hertz: Hertz) -> Iterator[Expected
         yield Expected("approach", "m", found + beyond, hertz.approach, HERTZ)
 
 
-def _nearer(record: Record, depth: float) -> float | None:
+def _nearer(record: Record, depth: float, regions: tuple[str, ...]) -> float | None:
     """Return how far points on the axis, at a depth in both bodies, came together [m], or None."""
     body = record.body
     if body is None:
         return None
     numbers = {name: number for number, name in body.names.items()}
     u, moved = record.displacement(readings.until(record))[:, 2], 0.0
-    for side, region in zip((1, -1), record.checked.mesh.regions, strict=True):
+    for side, region in zip((1, -1), regions, strict=True):
         nodes = np.unique(body.cells[body.regions == numbers[region]])
         x, y, z = body.points[nodes].T
         axis = np.hypot(x, y) < 1e-9
@@ -314,7 +348,7 @@ def strike(record: Record) -> Strike | None:
     scene, bodies, history = record.checked, smooth(record), record.history
     if bodies is None or not bodies.round or bodies.rolls or not len(history.get("t", ())):
         return None
-    upper, lower = scene.mesh.regions
+    upper, lower = bodies.regions
     (x, y, z), steel = velocity(scene, upper), material(scene, upper)
     if steel is None or z >= 0 or x or y or any(velocity(scene, lower)):
         return None
@@ -353,7 +387,7 @@ def struck(record: Record) -> Iterator[Expected]:
     if end > hit.stay / 2:
         yield Expected("largest force", "N", float(force.max()), hit.force, IMPACT)
     if end > PARTED * hit.stay:
-        motion = readings.velocity_at_end(record, record.checked.mesh.regions[0])
+        motion = readings.velocity_at_end(record, bodies.regions[0])
         if motion is not None:
             yield Expected("velocity after the rebound", "m/s", float(motion[2]), hit.speed, IMPACT)
         kinetic = record.history["kinetic"]
