@@ -30,7 +30,7 @@ def discs(*parts, size=2e-3, seed=0, merged=()):
     one = np.ones(len(patch))
     up = np.tile([0.0, 0.0, 1.0], (len(patch), 1))
     foot = footprint_of(np.arange(len(patch)), position, up, one, 0 * up, size**2 * one, 0 * up,
-                        0.3 * one, patch, 0.05)  # fmt: skip
+                        0.3 * one, 0 * one, patch, 0.05)  # fmt: skip
     return foot
 
 

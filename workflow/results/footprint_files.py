@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Footprints as files for others: surfaces over time for ParaView and pyvista, and CSV.
+
+``footprints.pvd`` lists a file ``PAIR-SIDE-K.vtp`` for both bodies of each pair and every output K:
+the facets round the nodes in contact where they are at that time, with what the nodes bear.
+"""
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from workflow.results import atomic
+from workflow.results.footprints import Facets, read
+from workflow.scene import SceneError
+
+SERIES = "footprints.pvd"
+AXES = "xyz"
+
+
+def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
+    """Write the footprints of a run as surfaces, and as CSV if told; older files are replaced.
+
+    Args:
+        folder: Result folder.
+        out: Where the files go; made if missing.
+        tables: One CSV for each output too, a row for each node that bears forces.
+
+    Returns:
+        ``series``: the file that lists the surfaces; ``outputs``: how many; ``tables``: the CSVs.
+
+    Raises:
+        SceneError: if the run has no footprints, or pyvista is missing.
+    """
+    try:
+        import pyvista
+    except ModuleNotFoundError:
+        raise SceneError(
+            "export-footprints: expected pyvista, which comes with squealx[figures]; found none"
+        ) from None
+    entries, written, outputs = [], [], 0
+    for k, found in enumerate(read(folder)):
+        out.mkdir(parents=True, exist_ok=True)
+        for part, facets in enumerate(found):
+            name = f"{facets.pair}-{facets.side}"
+            quads = pyvista.PolyData.from_regular_faces(facets.position, facets.facets)
+            quads.point_data.update({"node": facets.node} | facets.nodal)
+            quads.save(out / f"{name}-{k:05d}.vtp")
+            entries.append((facets.t, part, name, f"{name}-{k:05d}.vtp"))
+        if tables:
+            written.append(str(write_table(found, out / f"footprints-{k:05d}.csv")))
+        outputs += 1
+    atomic.replace(out / SERIES, series(entries).encode())
+    return {"series": str(out / SERIES), "outputs": outputs, "tables": written}
+
+
+def series(entries: list[tuple[float, int, str, str]]) -> str:
+    """Return the text of a ParaView collection from time, part, name and file of each surface."""
+    lines = (
+        f'<DataSet timestep="{t!r}" part="{part}" name={quoteattr(name)} file={quoteattr(file)}/>'
+        for t, part, name, file in entries
+    )
+    head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
+    return "\n".join(
+        ['<?xml version="1.0"?>', head, "<Collection>", *lines, "</Collection>", "</VTKFile>", ""]
+    )
+
+
+def write_table(found: list[Facets], path: Path) -> Path:
+    """Write the nodes that bear forces at one output, SI units, all bodies in one table."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        for i, facets in enumerate(found):
+            columns = dict(_columns(facets))
+            if i == 0:
+                table.writerow(["t", "pair", "side", *columns])
+            for row in zip(*columns.values(), strict=True):
+                table.writerow([facets.t, facets.pair, facets.side, *row])
+    return path
+
+
+def _columns(facets: Facets) -> Iterator[tuple[str, list[Any]]]:
+    """Yield the columns of a table, a vector as three."""
+    bears = facets.nodal["pressure"] > 0
+    arrays = {"node": facets.node, "position": facets.position} | facets.nodal
+    for name, array in arrays.items():
+        values = np.asarray(array)[bears]
+        if values.ndim == 1:
+            yield name, values.tolist()
+        else:
+            yield from ((f"{name}_{AXES[a]}", values[:, a].tolist()) for a in range(3))
