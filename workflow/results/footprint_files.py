@@ -46,7 +46,8 @@ def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
         out.mkdir(parents=True, exist_ok=True)
         for part, facets in enumerate(found):
             name = f"{facets.pair}-{facets.side}"
-            quads = pyvista.PolyData.from_regular_faces(facets.position, facets.facets)
+            corners = np.column_stack([np.full(len(facets.facets), 4), facets.facets])
+            quads: Any = pyvista.PolyData(facets.position, faces=corners.ravel())
             quads.point_data.update({"node": facets.node} | facets.nodal)
             quads.save(out / f"{name}-{k:05d}.vtp")
             entries.append((facets.t, part, name, f"{name}-{k:05d}.vtp"))
