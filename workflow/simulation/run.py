@@ -24,6 +24,7 @@ from workflow.simulation import checkpoint, guards, stepping
 from workflow.simulation.energy import Ledger
 from workflow.simulation.initial import check_apart, start
 from workflow.simulation.progress import Clock, Progress
+from workflow.simulation.reactions import Reactions
 from workflow.simulation.summary import answers, output, summarise
 from workflow.simulation.threads import one_per_rank
 
@@ -222,8 +223,9 @@ def steps(
         progress.note(line)
     progress.start(model, round(scene.time.end / model.dt))
     watched = guards.Watch(model)
-    end = round(scene.time.end / model.dt) * model.dt
-    for _ in stepping.steps(model, end, job.clock, resumed=resumed):
+    end, reactions = round(scene.time.end / model.dt) * model.dt, Reactions(model, per_output)
+    hold = reactions if model.supports.dofs else None
+    for _ in stepping.steps(model, end, job.clock, hold=hold, resumed=resumed):
         guards.check_finite(model)
         if state.step == 0:
             tell_offsets(model, progress.log)
@@ -234,7 +236,7 @@ def steps(
         if state.step % per_output == 0:
             with job.clock.phase("output"):
                 energy, error = job.ledger.measure()
-                history = output(model, job.results, energy, error, job.ledger)
+                history = output(model, job.results, energy, error, job.ledger, reactions)
                 if job.sampling is not None:
                     job.sampling.append(job.results)
             progress.output(model, history)

@@ -13,10 +13,16 @@ from workflow.model.model import Model
 from workflow.results.writer import Results
 from workflow.simulation.energy import Energy, Ledger, columns
 from workflow.simulation.progress import Clock
+from workflow.simulation.reactions import Reactions
 
 
 def output(
-    model: Model, results: Results, energy: Energy, error: float, ledger: Ledger
+    model: Model,
+    results: Results,
+    energy: Energy,
+    error: float,
+    ledger: Ledger,
+    reactions: Reactions,
 ) -> dict[str, float]:
     """Write one output: history, footprints, fields; return the row of history."""
     state, scene = model.state, model.scene
@@ -30,6 +36,7 @@ def output(
         contacts[name] = touch(pair, u, v, scene)
         columns_of = contact_history(pair, contacts[name].foot)
         history |= {f"{name}_{key}": value for key, value in columns_of.items()}
+    history |= reactions.columns(contacts)
     results.append(history, contacts)
     results.append_fields(state.t, u, v)
     return history
