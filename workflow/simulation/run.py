@@ -84,10 +84,11 @@ def run(
     began = time.perf_counter()
     folder = checked(out, comm, resume)
     point = checkpoint.read(folder, comm) if resume else None
-    progress = Progress(comm.rank == 0, quiet)
+    clock = Clock()
+    progress = Progress(comm.rank == 0, quiet, clock)
     with one_per_rank() as threads:
         progress.note(threads)
-        model, clock = made(scene, comm, progress, point, (laws, friction, items))
+        model = made(scene, comm, progress, point, (laws, friction, items))
         job = prepared(model, clock, progress, folder, point, began)
         with concluded(job):
             if point is None:
@@ -106,17 +107,16 @@ def made(
     progress: Progress,
     point: checkpoint.Checkpoint | None,
     own: tuple[Any, Any, Any],
-) -> tuple[Model, Clock]:
-    """Return the model of a scene, for the checkpoint if there is one, and what its time took."""
-    clock = Clock()
+) -> Model:
+    """Return the model of a scene, for the checkpoint if there is one."""
     built = point.as_built(scene) if point else scene  # its mesh may be that of an earlier end
-    model = build(built, comm, progress.log, clock.phase, *own)
+    model = build(built, comm, progress.log, progress.clock.phase, *own)
     model.scene = scene
     if point is not None:
         point.fits(model)
     else:
         check_apart(model)
-    return model, clock
+    return model
 
 
 def prepared(
@@ -130,7 +130,8 @@ def prepared(
     """Return the run of a model into a folder, which is opened."""
     sampling, ledger = sampler(model), Ledger(model)
     results = Results(folder, model.scene, model.domain, point.resume() if point else None)
-    progress.keep_in(folder / "run.log", go_on=point is not None)
+    objects = model.scene.output.log == "json"
+    progress.keep_in(folder, objects=objects, go_on=point is not None)
     keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
     return Job(model, results, ledger, sampling, keeper, clock, progress)
 
@@ -181,9 +182,11 @@ def conclude(job: Job) -> None:
         results.summarise(job.summary)
     except RuntimeError as error:
         if status == "done":
+            status = f"stopped: {error}"
             raise guards.GuardError(str(error)) from error
         job.progress.log(f"summary.json not written: {error}")
     finally:
+        job.progress.ended(status)
         job.progress.close()
 
 
