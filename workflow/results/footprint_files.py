@@ -7,6 +7,7 @@ the facets round the nodes in contact where they are at that time, with what the
 
 import csv
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -35,27 +36,37 @@ def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
     Raises:
         SceneError: if the run has no footprints, or pyvista is missing.
     """
-    try:
-        import pyvista
-    except ModuleNotFoundError:
+    if find_spec("pyvista") is None:
         raise SceneError(
             "export-footprints: expected pyvista, which comes with squealx[figures]; found none"
-        ) from None
+        )
     entries, written, outputs = [], [], 0
     for k, found in enumerate(read(folder)):
         out.mkdir(parents=True, exist_ok=True)
         for part, facets in enumerate(found):
             name = f"{facets.pair}-{facets.side}"
-            corners = np.column_stack([np.full(len(facets.facets), 4), facets.facets])
-            quads: Any = pyvista.PolyData(facets.position, faces=corners.ravel())
-            quads.point_data.update({"node": facets.node} | facets.nodal)
-            quads.save(out / f"{name}-{k:05d}.vtp")
+            quads(facets).save(out / f"{name}-{k:05d}.vtp")
             entries.append((facets.t, part, name, f"{name}-{k:05d}.vtp"))
         if tables:
             written.append(str(write_table(found, out / f"footprints-{k:05d}.csv")))
         outputs += 1
     atomic.replace(out / SERIES, series(entries).encode())
     return {"series": str(out / SERIES), "outputs": outputs, "tables": written}
+
+
+def quads(facets: Facets) -> Any:
+    """Return the contact on one body as pyvista surface; all arrays are there, even of no node."""
+    import pyvista
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    corners = np.column_stack([np.full(len(facets.facets), 4), facets.facets])
+    surface: Any = pyvista.PolyData(facets.position, faces=corners.ravel())
+    for name, values in ({"node": facets.node} | facets.nodal).items():
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # pyvista refuses empty ones
+        array.SetName(name)
+        surface.GetPointData().AddArray(array)
+    surface.field_data["pair"], surface.field_data["side"] = [facets.pair], [facets.side]
+    return surface
 
 
 def series(entries: list[tuple[float, int, str, str]]) -> str:
