@@ -49,6 +49,7 @@ VARIANTS = {
     "nodes": {},
     "points": {"contacts.face.points": "quadrature"},
     "two passes": {"contacts.face.two_pass": True},
+    "at the end": {"contacts.face.method": "implicit-penalty"},
     "multipliers": {"contacts.face.method": "lagrange"},
 }
 
