@@ -201,3 +201,22 @@ def test_resumed_run_keeps_them_bit_by_bit(folder, tmp_path):
         np.testing.assert_array_equal(whole[name], parts[name], err_msg=name)
     with h5py.File(folder / "results.h5") as file:
         assert set(file["surfaces/face"]) == {"contactor", "target"}
+
+
+def test_folder_that_an_older_version_began(command, tmp_path):
+    """Its tables keep their columns, all of one length, and what has no facets is not exported."""
+    scene, folder = Scene.load("sliding-block", **SLIDING), tmp_path / "run"
+    run(scene.with_(**{"time.end": 10e-6}), folder, quiet=True)
+    with h5py.File(folder / "results.h5", "r+") as file:
+        del file["surfaces"], file["patches/face/t_gamma"]
+        for name in [n for n in file["history"] if n.startswith(("support", "contact_on"))]:
+            del file[f"history/{name}"]
+        for group in file["contact/face"].values():
+            del group["friction_power"], group["target"], group["contactor_position"]
+    run(scene, folder, quiet=True, resume=True)
+    result = read_run(folder)
+    assert {len(column) for column in result.history.values()} == {5}
+    assert {len(column) for column in result.patches("face").values()} == {5}
+    assert "friction_power" in result.patches("face") and "support" not in str([*result.history])
+    done = command("export-footprints", folder, check=False)
+    assert done.returncode == 2 and "output 0 was written before" in done.stderr

@@ -180,6 +180,11 @@ def read(folder: Path) -> Iterator[list[Facets]]:
                 "in results.h5, as it is since they are kept; found none"
             )
         for k in sorted(file[f"contact/{surfaces[0][0]}"], key=int):
+            if "friction_power" not in file[f"contact/{surfaces[0][0]}/{k}"]:
+                raise SceneError(
+                    f"folder = {str(folder)!r}: expected facets at every output, but output {k} "
+                    "was written before they were kept; run it again from the start"
+                )
             yield [_facets(file[f"contact/{p}/{k}"], p, *rest) for p, *rest in surfaces]
 
 

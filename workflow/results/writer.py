@@ -50,6 +50,7 @@ class Results:
         self.write_fields = scene.output.fields
         self.lost: list[str] = []
         self._kept: set[str] = set()  # pairs whose surfaces are in the file
+        self._tables: dict[str, set[str]] = {}  # columns that those of a resumed run began with
         try:
             on_root(self.comm, folder, lambda: self._open(scene, resume))
         except RuntimeError as error:
@@ -70,6 +71,7 @@ class Results:
         else:
             self.trackers = dict(resume.trackers)
             self.lost = cut(self.folder, resume)
+            self._tables = tables_of(self.folder / "results.h5")
         atomic.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
         self.batch = batch.Batch(self.folder / "results.h5")
         if self.write_fields:
@@ -125,9 +127,14 @@ class Results:
 
         def work() -> None:
             if self.batch is not None:
-                self.batch.add(list(record()))
+                self.batch.add([item for item in record() if self._fits(item)])
 
         on_root(self.comm, self.folder, work)
+
+    def _fits(self, item: Item) -> bool:
+        """Tell whether to write: tables that an older squealx has begun get no new columns."""
+        table, _, column = item.name.rpartition("/")
+        return table not in self._tables or column in self._tables[table]
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh; they may wait too."""
@@ -164,6 +171,14 @@ class Results:
         text = json.dumps(strict(summary), indent=2, default=float) + "\n"
         path = self.folder / "summary.json"
         on_root(self.comm, self.folder, lambda: atomic.replace(path, text.encode()))
+
+
+def tables_of(path: Path) -> dict[str, set[str]]:
+    """Return the columns of history and patches that have rows, by table."""
+    with h5py.File(path, "r", locking=False) as file:
+        tables = {"history": file["history"]}
+        tables |= {f"patches/{pair}": table for pair, table in file.get("patches", {}).items()}
+        return {name: set(table) for name, table in tables.items() if len(table.get("t", ()))}
 
 
 def unit(name: str) -> str:
