@@ -170,8 +170,12 @@ def test_what_cannot_be_exported_is_refused(command, run_scene, tmp_path, monkey
 
     assert "expected a result folder with results.h5" in refused("nowhere")
     assert "bodies have touched" in refused(bar)
+    block, full = run_scene("sliding-block", **SLIDING), tmp_path / "file"
+    full.write_text("in the way")
+    done = command("export-footprints", block, "--out", full, check=False)
+    assert done.returncode == 2 and "can be written" in done.stderr
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    assert "expected pyvista" in refused(bar)
+    assert "expected pyvista" in refused(block)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ the facets round the nodes in contact where they are at that time, with what the
 """
 
 import csv
+import re
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +21,7 @@ from workflow.scene import SceneError
 
 SERIES = "footprints.pvd"
 AXES = "xyz"
+NO_NAME = r"[^\w.-]"  # what a pair may be called but a file should not be
 
 
 def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
@@ -34,7 +36,7 @@ def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
         ``series``: the file that lists the surfaces; ``outputs``: how many; ``tables``: the CSVs.
 
     Raises:
-        SceneError: if the run has no footprints, or pyvista is missing.
+        SceneError: if the run has no footprints, pyvista is missing, or files cannot be written.
     """
     if find_spec("pyvista") is None:
         raise SceneError(
@@ -42,31 +44,55 @@ def export(folder: Path, out: Path, *, tables: bool = False) -> dict[str, Any]:
         )
     entries, written, outputs = [], [], 0
     for k, found in enumerate(read(folder)):
-        out.mkdir(parents=True, exist_ok=True)
-        for part, facets in enumerate(found):
-            name = f"{facets.pair}-{facets.side}"
-            quads(facets).save(out / f"{name}-{k:05d}.vtp")
-            entries.append((facets.t, part, name, f"{name}-{k:05d}.vtp"))
-        if tables:
-            written.append(str(write_table(found, out / f"footprints-{k:05d}.csv")))
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            entries += [write_surface(facets, part, k, out) for part, facets in enumerate(found)]
+            if tables:
+                written.append(str(write_table(found, out / f"footprints-{k:05d}.csv")))
+        except OSError as error:
+            raise cannot_write(out, error) from error
         outputs += 1
-    atomic.replace(out / SERIES, series(entries).encode())
+    try:
+        atomic.replace(out / SERIES, series(entries).encode())
+    except OSError as error:
+        raise cannot_write(out, error) from error
     return {"series": str(out / SERIES), "outputs": outputs, "tables": written}
 
 
-def quads(facets: Facets) -> Any:
+def cannot_write(out: Path, error: OSError) -> SceneError:
+    """Return the error of a folder that takes no files."""
+    why = error.strerror or str(error)
+    return SceneError(f"out = {str(out)!r}: expected a folder with room that can be written: {why}")
+
+
+def write_surface(facets: Facets, part: int, k: int, out: Path) -> tuple[float, int, str, str]:
+    """Write the contact on one body at output ``k``; return its entry in the series.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    name = f"{facets.pair}-{facets.side}"
+    path = out / f"{re.sub(NO_NAME, '_', name)}-{k:05d}.vtp"
+    path.unlink(missing_ok=True)
+    surface(facets).save(path)
+    if not path.exists():  # VTK takes a broken file away, and says so on stderr alone
+        raise OSError(f"VTK could not write {path.name}")
+    return facets.t, part, name, path.name
+
+
+def surface(facets: Facets) -> Any:
     """Return the contact on one body as pyvista surface; all arrays are there, even of no node."""
     import pyvista
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
     corners = np.column_stack([np.full(len(facets.facets), 4), facets.facets])
-    surface: Any = pyvista.PolyData(facets.position, faces=corners.ravel())
+    made: Any = pyvista.PolyData(facets.position, faces=corners.ravel())
     for name, values in ({"node": facets.node} | facets.nodal).items():
         array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # pyvista refuses empty ones
         array.SetName(name)
-        surface.GetPointData().AddArray(array)
-    surface.field_data["pair"], surface.field_data["side"] = [facets.pair], [facets.side]
-    return surface
+        made.GetPointData().AddArray(array)
+    made.field_data["pair"], made.field_data["side"] = [facets.pair], [facets.side]
+    return made
 
 
 def series(entries: list[tuple[float, int, str, str]]) -> str:

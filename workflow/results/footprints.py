@@ -91,8 +91,6 @@ def touch(pair: Any, u: Array, v: Array, scene: Scene) -> Touch:
     if not pair.target.rigid:
         reactions = pair.target_footprint(foot, tolerance)
         sides["target"] = Side(pair.target, reactions, target[:, :3])
-    if pair.contactor.rigid:
-        del sides["contactor"]
     return Touch(foot, creepages(contactor, target, foot, scene), sides)
 
 
