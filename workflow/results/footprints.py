@@ -3,8 +3,9 @@
 
 ``/surfaces/PAIR/contactor`` and ``target`` hold nodes, their areas and facets of both surfaces
 once; a rigid one is left out. ``/contact/PAIR/K`` has the nodes of the contactor that bear forces
-and, in its group ``target``, those of the target with the reactions. ``contactor_position`` and
-``target_position`` are where the nodes of all facets round these are, ascending.
+and, as rows of ``target``, those of the target with the reactions; its attribute ``columns`` names
+the columns. ``contactor_position`` and ``target_position`` are where the nodes of all facets round
+these are, ascending.
 """
 
 from collections.abc import Iterator
@@ -40,7 +41,18 @@ UNITS = {
     "friction": "1",
     "friction_power": "W",
 }
-REACTIONS = {name: UNITS[name] for name in UNITS if name not in ("position", "area", "friction")}
+# Columns of the rows of the target, and how many each has: one dataset costs a ninth of nine.
+REACTIONS = {
+    "node": 1,
+    "normal": 3,
+    "normal_force": 1,
+    "tangential_force": 3,
+    "slip_velocity": 3,
+    "friction_power": 1,
+    "stick": 1,
+    "patch": 1,
+}
+HEADS = " ".join(name if n == 1 else f"{name}:{n}" for name, n in REACTIONS.items())
 
 
 @dataclass(frozen=True)
@@ -102,7 +114,9 @@ def items(group: str, touch: Touch, identity: Index) -> Iterator[Item]:
         touch: The contact.
         identity: Identity of each patch, shape ``(p,)``.
     """
-    yield from _nodal(group, UNITS, touch.foot, identity)
+    foot = touch.foot
+    for name, unit in UNITS.items():
+        yield whole(f"{group}/{name}", _values(foot, name, identity), units=unit)
     for name, side in touch.sides.items():
         surface = side.surface
         around = _around(surface.facets, np.searchsorted(surface.nodes, side.foot.node))
@@ -110,13 +124,12 @@ def items(group: str, touch: Touch, identity: Index) -> Iterator[Item]:
         yield whole(f"{group}/{name}_position", side.position[corners], units="m")
     if "target" in touch.sides:
         reactions = touch.sides["target"].foot
-        yield from _nodal(f"{group}/target", REACTIONS, reactions, identity)
+        rows = np.column_stack([_values(reactions, name, identity) for name in REACTIONS])
+        yield whole(f"{group}/target", rows, columns=HEADS)
 
 
-def _nodal(group: str, units: dict[str, str], foot: "Footprint", identity: Index) -> Iterator[Item]:
-    for name, unit in units.items():
-        values = identity[foot.patch] if name == "patch" else np.asarray(getattr(foot, name))
-        yield whole(f"{group}/{name}", values, units=unit)
+def _values(foot: "Footprint", name: str, identity: Index) -> npt.NDArray[Any]:
+    return np.asarray(identity[foot.patch] if name == "patch" else getattr(foot, name))
 
 
 def _around(facets: npt.NDArray[Any], nodes: Index) -> npt.NDArray[np.bool_]:
@@ -190,8 +203,12 @@ def _facets(group: Any, pair: str, side: str, surface: Any) -> Facets:
     """Return the contact on one body from the group of an output."""
     t, node = float(group.attrs["t"]), surface["node"][:]
     # where nothing touches only the contactor's arrays are there, and empty
-    foot = group["target"] if side == "target" and "target" in group else group
-    arrays = {name: foot[name][:] for name in REACTIONS}
+    if side == "target" and "target" in group:
+        parts = np.split(group["target"][:], np.cumsum([*REACTIONS.values()])[:-1], axis=1)
+        named = zip(REACTIONS.items(), parts, strict=True)
+        arrays = {name: part if n > 1 else part[:, 0] for (name, n), part in named}
+    else:
+        arrays = {name: group[name][:] for name in REACTIONS}
     bears = np.searchsorted(node, arrays["node"])
     facet = surface["facet"][:]
     corners, facets = np.unique(facet[_around(facet, bears)], return_inverse=True)
