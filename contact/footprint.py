@@ -25,6 +25,7 @@ class Patch:
         max_pressure: Largest normal force over tributary area [Pa].
         frame: Longitudinal, lateral and normal direction, see :func:`frame_of`, shape ``(3, 3)``.
         spin_moment: Moment of the tangential forces about the normal through ``centre`` [N m].
+        friction_power: Power of the tangential forces on the slip, turned into heat [W].
     """
 
     nodes: int
@@ -38,6 +39,7 @@ class Patch:
     max_pressure: float
     frame: Array
     spin_moment: float
+    friction_power: float
 
     @property
     def force(self) -> Array:
@@ -68,6 +70,8 @@ class Patch:
 class Footprint:
     """Nodes in contact, ascending by node, and their patches from high y to low y.
 
+    The nodes are those of one body, the contactor unless told; forces act on it.
+
     Attributes:
         node: HexMesh node, shape ``(n,)``.
         position: Current position, shape ``(n, 3)`` [m].
@@ -77,6 +81,7 @@ class Footprint:
         area: Tributary area, undeformed, shape ``(n,)`` [m2].
         slip_velocity: Tangential velocity relative to the target, shape ``(n, 3)`` [m/s].
         friction: Coefficient of friction, shape ``(n,)`` [-].
+        friction_power: Power of the tangential force on the slip, shape ``(n,)`` [W].
         stick: Where ``friction * F_n - |F_t|`` exceeds the tolerance, shape ``(n,)``.
         patch: Patch of each node, shape ``(n,)``.
         patches: Resultants, by patch number.
@@ -90,6 +95,7 @@ class Footprint:
     area: Array
     slip_velocity: Array
     friction: Array
+    friction_power: Array
     stick: npt.NDArray[np.bool_]
     patch: Index
     patches: tuple[Patch, ...]
@@ -162,6 +168,7 @@ def _patch(foot: Footprint, nodes: Index) -> Patch:
         max_pressure=float((force / area).max()),
         frame=frame,
         spin_moment=float(frame[2] @ moment),
+        friction_power=float(foot.friction_power[nodes].sum()),
     )
 
 
@@ -174,6 +181,7 @@ def footprint_of(
     area: Array,
     slip_velocity: Array,
     friction: Array,
+    friction_power: Array,
     component: Index,
     stick_tolerance: float,
 ) -> Footprint:
@@ -191,6 +199,7 @@ def footprint_of(
         area=area,
         slip_velocity=slip_velocity,
         friction=friction,
+        friction_power=friction_power,
         stick=stick_zone(friction * normal_force, tangential_force, stick_tolerance),
         patch=component,
         patches=(),

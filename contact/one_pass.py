@@ -26,20 +26,22 @@ from meshes.arrays import Array, Index
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+ROUND_OFF = 1e-14  # share of the largest normal force below which a node bears none
 STATIC = 10.0  # statics know no step, so springs that stand for a constraint can be this stiffer
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Contactor nodes that bear forces, as indices into its nodes; see :class:`Footprint`.
+    """Nodes of a surface that bear forces, as indices into its nodes; see :class:`Footprint`.
 
     Attributes:
         c: Nodes, shape ``(m,)``.
-        normal: Normals of the target, shape ``(m, 3)``.
+        normal: Directions of the normal forces, shape ``(m, 3)``.
         normal_force: Normal forces, shape ``(m,)`` [N].
         tangential_force: Tangential forces on the nodes, shape ``(m, 3)`` [N].
-        slip: Slip since the last step, shape ``(m, 3)`` [m].
+        slip: Slip against the other surface since the last step, shape ``(m, 3)`` [m].
         friction: Coefficients of friction, shape ``(m,)``.
+        work: Work of the tangential forces on the slip, turned into heat, shape ``(m,)`` [J].
     """
 
     c: Index
@@ -48,6 +50,7 @@ class Pressed:
     tangential_force: Array
     slip: Array
     friction: Array
+    work: Array
 
 
 class Pass:
@@ -307,28 +310,54 @@ class Pass:
         Forces on points are those on the nodes of their facets; slip and coefficient of friction
         are means over the points round a node, weighted with their normal forces.
         """
+        h, c, points = self.contact_state, self._bearing(), self.stack.points
+        if points is None:
+            p, t, n, slip = h.normal_force[c], h.tangential_force[c], h.normal[c], h.slip[c]
+            return Pressed(c, n, p, t, slip, h.friction[c], -np.einsum("ca,ca->c", t, slip))
+        return self._shared(c, points.node[c], points.weight[c], 1.0)
+
+    def reacting(self) -> Pressed:
+        """Return the target's nodes that bear the reactions at the last step, ascending.
+
+        A reaction is shared by the nodes of its facet as in the step; slip, seen from the target,
+        and coefficient of friction are means weighted with the normal forces.
+        """
+        h, c = self.contact_state, self._bearing()
+        return self._shared(c, self.target.facets[h.facet[c]], shape_functions(h.xi[c]), -1.0)
+
+    def _bearing(self) -> Index:
+        """Return what bears forces, nodes or points, ascending."""
         h = self.contact_state
         c = np.sort(h.touching[: self.active].astype(np.int64))
-        c = c[h.normal_force[c] > 0.0]
-        p, t, n = h.normal_force[c], h.tangential_force[c], h.normal[c]
-        points = self.stack.points
-        if points is None:
-            return Pressed(c, n, p, t, h.slip[c], h.friction[c])
-        nodes, place = np.unique(points.node[c], return_inverse=True)
-        share = coo_array(
-            (points.weight[c].ravel(), (place.ravel(), np.repeat(np.arange(len(c)), 4))),
-            (len(nodes), len(c)),
-        ).tocsr()
+        return np.asarray(c[h.normal_force[c] > 0.0])
+
+    def _shared(self, c: Index, node: Index | Index32, weight: Array, sign: float) -> Pressed:
+        """Return the nodes that share the forces on ``c``, or with ``sign`` -1 their reactions.
+
+        Args:
+            c: Nodes or points that bear forces, shape ``(m,)``.
+            node: Nodes that share each, shape ``(m, 4)``.
+            weight: Their shares, shape ``(m, 4)``.
+            sign: Of forces and slip.
+        """
+        h = self.contact_state
+        p, t, n, slip = h.normal_force[c], h.tangential_force[c], h.normal[c], h.slip[c]
+        nodes, place = np.unique(node, return_inverse=True)
+        entries = weight.ravel(), (place.ravel(), np.repeat(np.arange(len(c)), 4))
+        share = coo_array(entries, (len(nodes), len(c))).tocsr()
+        bears = share @ p > ROUND_OFF * p.max(initial=0.0)  # a node opposite to one that is hit
+        nodes, share = nodes[bears], share[bears]
         mean = 1.0 / (share @ p)
-        normal = share @ (p[:, None] * n)
+        normal = sign * (share @ (p[:, None] * n))
         normal_force = np.linalg.norm(normal, axis=1)
         return Pressed(
             nodes.astype(np.int64),
             normal / normal_force[:, None],
             normal_force,
-            share @ t,
-            mean[:, None] * (share @ (p[:, None] * h.slip[c])),
+            sign * (share @ t),
+            sign * mean[:, None] * (share @ (p[:, None] * slip)),
             mean * (share @ (p * h.friction[c])),
+            share @ -np.einsum("ca,ca->c", t, slip),
         )
 
     def forces(self) -> tuple[Index32, Array]:
@@ -371,6 +400,7 @@ class Pass:
             area,
             on.slip / self.dt,
             on.friction,
+            on.work / self.dt,
             parted(on.normal_force / area, neighbours),
             stick_tolerance,
         )

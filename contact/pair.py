@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from contact.arrays import State, Vector
-from contact.footprint import Footprint
+from contact.footprint import Footprint, stick_zone
 from contact.friction import Law, as_law
 from contact.one_pass import Pass, Pressed
 from contact.options import IMPLICIT, Options
@@ -289,24 +289,44 @@ class ContactPair:
             stick_tolerance: A node adheres where ``friction * F_n - |F_t|`` exceeds this
                 fraction of the largest tangential nodal force [-].
         """
+        one = self.passes[0]
         if len(self.passes) == 1:
-            return self.passes[0].footprint(stick_tolerance)
-        one, two = self.passes
-        c, force, normal = one.nodal_forces()
-        nodes, reaction, back = two.facet_forces()
-        total, direction = np.zeros((2, len(self.contactor.nodes), 3))
-        total[c], direction[c] = force, normal
-        for corner in range(4):
-            np.add.at(total, nodes[:, corner], reaction[:, corner])
-            np.add.at(direction, nodes[:, corner], back)
-        size = np.linalg.norm(direction, axis=1)
-        direction /= np.where(size > 0.0, size, 1.0)[:, None]
-        normal_force = np.einsum("ia,ia->i", total, direction)
-        c = np.flatnonzero(normal_force > 0.0)
-        tangential = total[c] - normal_force[c, None] * direction[c]
-        h = one.contact_state  # of nodes: points do not go with two passes
-        on = Pressed(c, direction[c], normal_force[c], tangential, h.slip[c], h.friction[c])
-        return one.footprint_on(on, stick_tolerance)
+            return one.footprint(stick_tolerance)
+        return one.footprint_on(_in_both(*self.passes), stick_tolerance)
+
+    def target_footprint(self, foot: Footprint, stick_tolerance: float = 0.05) -> Footprint:
+        """Return the target's nodes that bear the reactions, same on all ranks; without patches.
+
+        Pressure is the reaction on a node, as the step has shared it, over the area of the node:
+        forces and powers of both bodies are equal. Where the target is finer than the contactor,
+        one pass loads its nodes unevenly. A node is of the patch of the nearest contactor node.
+
+        Args:
+            foot: The contactor's, of the same step.
+            stick_tolerance: As for :meth:`footprint`.
+        """
+        from scipy.spatial import cKDTree  # a fifteenth of a second to import
+
+        one, *two = self.passes
+        on = _in_both(two[0], one) if two else one.reacting()
+        at = one.stack.target.start + on.c
+        position = one.candidates.exchange.xv[at, :3]
+        limit = on.friction * on.normal_force
+        patch = foot.patch[cKDTree(foot.position).query(position)[1]] if len(on.c) else on.c
+        return Footprint(
+            node=self.target.nodes[on.c],
+            position=position,
+            normal=on.normal,
+            normal_force=on.normal_force,
+            tangential_force=on.tangential_force,
+            area=one.stack.area[at],
+            slip_velocity=on.slip / self.dt,
+            friction=on.friction,
+            friction_power=on.work / self.dt,
+            stick=stick_zone(limit, on.tangential_force, stick_tolerance),
+            patch=patch,
+            patches=(),
+        )
 
     # ---- memory ---------------------------------------------------------------------------
 
@@ -325,6 +345,28 @@ class ContactPair:
             side.restore(
                 {k.removeprefix(prefix): a for k, a in memory.items() if k.startswith(prefix)}
             )
+
+
+def _in_both(one: Pass, two: Pass) -> Pressed:
+    """Return the nodes of the contactor of ``one``, the target of ``two``, with what both press."""
+    c, force, normal = one.nodal_forces()
+    nodes, reaction, back = two.facet_forces()
+    total, direction = np.zeros((2, len(one.contactor.nodes), 3))
+    total[c], direction[c] = force, normal
+    for corner in range(4):
+        np.add.at(total, nodes[:, corner], reaction[:, corner])
+        np.add.at(direction, nodes[:, corner], back)
+    size = np.linalg.norm(direction, axis=1)
+    direction /= np.where(size > 0.0, size, 1.0)[:, None]
+    normal_force = np.einsum("ia,ia->i", total, direction)
+    work = np.zeros(len(total))
+    for on in (one.pressed(), two.reacting()):
+        work[on.c] += on.work
+    c = np.flatnonzero(normal_force > 0.0)
+    tangential = total[c] - normal_force[c, None] * direction[c]
+    h = one.contact_state  # of nodes: points do not go with two passes
+    slip, friction = h.slip[c], h.friction[c]
+    return Pressed(c, direction[c], normal_force[c], tangential, slip, friction, work[c])
 
 
 def _less_reaction(resultants: list[Any]) -> Array:

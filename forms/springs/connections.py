@@ -2,7 +2,7 @@
 """Springs and dampers of a model with their point masses, as one load."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from mpi4py import MPI
@@ -20,12 +20,21 @@ Triplets = tuple[Index, Index, Array]
 
 @dataclass
 class Connections:
-    """All springs and dampers of a model with their point masses, as one load."""
+    """All springs and dampers of a model with their point masses, as one load.
+
+    Attributes:
+        comm: Ranks.
+        masses: Point masses.
+        links: Springs and dampers.
+        dt: Step [s].
+        names: What each of the links is called.
+    """
 
     comm: MPI.Comm
     masses: PointMasses
     links: list[Springs]
     dt: float
+    names: list[str] = field(default_factory=list)
 
     def rest(self, state: Any, force: Any) -> None:
         """Add the forces on the nodes with the point masses settled under their displacement."""
@@ -73,6 +82,17 @@ class Connections:
         if self.comm.size > 1:
             self.comm.Allreduce(MPI.IN_PLACE, reaction)
         self.masses.take(reaction + self.masses.base_force(), dt)
+
+    def forces(self) -> Iterator[tuple[str, Array]]:
+        """Yield name and force of each link at the last step, ``(3,)`` [N]; collective.
+
+        It acts on the body, or from the ground on point masses.
+        """
+        for name, link in zip(self.names, self.links, strict=True):
+            yield name, self.comm.allreduce(link.force)
+        if self.masses.base_stiffness.any() or self.masses.base_damping.any():
+            m = self.masses
+            yield "ballast", -(m.base_stiffness * m.u + m.base_damping * m.v).sum(axis=0)
 
     def stored_energy(self, u: Array) -> float:
         """Energy of all springs less the work of gravity on the point masses [J]."""

@@ -130,6 +130,17 @@ class Springs:
             self.dissipation += dt / 2 * work
         self._began = True
 
+    @property
+    def force(self) -> Array:
+        """This rank's share of the force at the last :meth:`add` on the nodes, ``(3,)`` [N].
+
+        Of springs to a facet it is that on the nodes; the facet has the opposite one.
+        """
+        e, rate = self._both[: self.owned].swapaxes(0, 1)
+        k, c = self.stiffness[: self.owned], self.damping[: self.owned]
+        damped = c * rate if c.ndim == 2 else np.einsum("nij,nj->ni", c, rate)
+        return -np.asarray((k * e + damped).sum(axis=0))
+
     def stored_energy(self, u: Array, points: Array) -> float:
         """This rank's share of the spring energy [J]."""
         e = self.stretch(u, points)[: self.owned]

@@ -7,12 +7,12 @@ import h5py
 import numpy as np
 import pytest
 
-from contact.creepage import creepage_of, rigid_motion
+from contact.creepage import Creepage, creepage_of, rigid_motion
 from contact.footprint import footprint_of, frame_of
 from contact.patches import Tracker, beside, parted
 from tests.skins import skin
 from workflow import Scene, run
-from workflow.results.patches import COLUMNS, travel
+from workflow.results.patches import COLUMNS, t_gamma, travel
 
 
 def discs(*parts, size=2e-3, seed=0, merged=()):
@@ -30,7 +30,7 @@ def discs(*parts, size=2e-3, seed=0, merged=()):
     one = np.ones(len(patch))
     up = np.tile([0.0, 0.0, 1.0], (len(patch), 1))
     foot = footprint_of(np.arange(len(patch)), position, up, one, 0 * up, size**2 * one, 0 * up,
-                        0.3 * one, patch, 0.05)  # fmt: skip
+                        0.3 * one, 0 * one, patch, 0.05)  # fmt: skip
     return foot
 
 
@@ -200,6 +200,27 @@ def test_creepages_of_a_wheel():
     assert inside > 2e-4 * speed
     assert np.abs(disturbed.slip - found.slip).max() < 0.02 * inside
     assert np.isnan(creepage_of(patch, still, still, None).longitudinal)
+
+
+def test_t_gamma_is_the_heat_of_a_way():
+    """A patch in full slip, rigid bodies with creepages and spin: power is V (Tγ + M φ), exactly.
+
+    The shear opposes the slip ``s + ω n × r`` at each node and is friction times pressure.
+    """
+    foot = discs((0.01, -0.02, 0.012), seed=3)
+    slip, spin, speed = np.array([-0.3, 0.2, 0.0]), 9.0, 25.0
+    centre = foot.position.mean(axis=0)
+    local = slip + np.cross([0.0, 0.0, spin], foot.position - centre)
+    shear = -0.3 * local / np.linalg.norm(local, axis=1)[:, None]
+    (patch,) = footprint_of(
+        foot.node, foot.position, foot.normal, foot.normal_force, shear, foot.area, local,
+        foot.friction, -np.einsum("ia,ia->i", shear, local), foot.patch, 0.05,
+    ).patches  # fmt: skip
+    motion = Creepage(patch.frame[:2] @ slip, spin, speed)
+    of_spin = COLUMNS["spin_t_gamma"].value(patch, motion)
+    assert 0 < of_spin < COLUMNS["t_gamma"].value(patch, motion)
+    assert patch.friction_power == pytest.approx(0.3 * np.linalg.norm(local, axis=1).sum())
+    assert speed * (t_gamma(patch, motion) + of_spin) == pytest.approx(patch.friction_power)
 
 
 def test_table_of_patches(tmp_path):

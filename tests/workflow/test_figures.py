@@ -14,7 +14,7 @@ from meshes.profiles.placement import lateral_shift_for, rail_in_track
 from meshes.profiles.profiles import s1002
 from meshes.tags import Tag
 from workflow.results.fields import FieldWriter
-from workflow.results.writer import CONTACT_UNITS
+from workflow.results.footprints import UNITS
 from workflow.scene.scene import Scene
 
 pytest.importorskip("matplotlib")
@@ -171,7 +171,7 @@ def transition(tmp_path_factory) -> Path:
             group = file.create_group(f"contact/wheel_rail/{k}")
             group.attrs["t"] = t
             for name, values in footprint(surface, profile, placement, k).items():
-                group.create_dataset(name, data=values).attrs["units"] = CONTACT_UNITS[name]
+                group.create_dataset(name, data=values).attrs["units"] = UNITS[name]
         turn = 2 * np.pi * TIMES / TIMES[-1]
         ledger = {
             "t": TIMES,

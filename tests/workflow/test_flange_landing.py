@@ -63,6 +63,10 @@ def test_landing_momentum_and_ranks(squealx, tmp_path):
     impulse = result.summary["dt"] * np.cumsum(contact + suspension + weight + carried)[:-1]
     scale = result.summary["dt"] * contact.sum()
     np.testing.assert_allclose(momentum[1:] - momentum[0], impulse, rtol=0, atol=1e-6 * scale)
+    every = result.summary["steps"] // (len(result.history["t"]) - 1)
+    for name, column in (("contact_on_wheelset", contact), ("connection_suspension", suspension)):
+        kept, seen = result.history[f"{name}_z_force"][1:], column[every::every]
+        np.testing.assert_allclose(kept, seen, rtol=0, atol=1e-12 * contact.max())
 
     source = tmp_path / "one" / "scene.toml"
     squealx("run", source, "--ranks", 2, "--out", tmp_path / "two")

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx import la
 
 from forms.loads import nodal_traction
 from forms.springs.connections import Connections
@@ -133,6 +134,11 @@ def test_the_track_carries_its_weight(tmp_path, solid):
         (pads,), masses = links(model), model.connections.masses
         carried = -BALLAST * masses.u[:, 2].sum()
         through = -(pads.stiffness * pads.stretch(u, masses.u)).sum(axis=0)
+    force = la.vector(model.domain.V.dofmap.index_map, 3)
+    model.connections.rest(model.state, force)
+    told = dict(model.connections.forces())
+    np.testing.assert_allclose(told["pads"], through, rtol=0, atol=1e-9 * weight)
+    np.testing.assert_allclose(told["ballast"], [0, 0, carried], rtol=0, atol=1e-9 * weight)
     assert carried == pytest.approx(weight + sleeper, rel=1e-6)
     assert through[2] == pytest.approx(weight, rel=1e-6)
     assert np.abs(through[:2]).max() < 1e-6 * weight

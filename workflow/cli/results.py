@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs of results and of the machine: figures, report, bench, stability."""
+"""Verbs of results and of the machine: figures, report, export-footprints, bench, stability."""
 
 from pathlib import Path
 from typing import Annotated
@@ -45,6 +45,36 @@ def report(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = Fals
 
     path = str(write(folder, modes))
     answer(as_json, {"report": path}, lambda: [path])
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx export-footprints runs/hertz",
+        "squealx export-footprints runs/first --csv --out first-footprints",
+    )
+)
+def export_footprints(
+    folder: ResultFolder,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the files; FOLDER/footprints if left out.")
+    ] = None,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="A table of nodes for each output too.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Write the contact of both bodies over time for ParaView and pyvista: footprints.pvd.
+
+    Facets round the nodes in contact, where they are, with pressure, shear, slip velocity, stick,
+    patch, friction power and area of the nodes, SI units. On the contactor these are what the
+    contact has computed, on the target the reactions as they were shared by its nodes.
+    """
+    if not (folder / "results.h5").is_file():
+        raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
+    from workflow.results.footprint_files import export
+
+    found = export(folder, out or folder / "footprints", tables=csv)
+    answer(as_json, found, lambda: [f"{found['series']}: {found['outputs']} outputs"])
 
 
 @verbs.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))

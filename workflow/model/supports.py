@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Supports of a scene: surfaces held along directions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,10 +23,12 @@ class Supports:
     Attributes:
         dofs: Owned dof blocks of each group.
         directions: Unit vector of each group, shape ``(3,)``.
+        names: Surface and direction of each group.
     """
 
     dofs: list[Dofs]
     directions: list[Array]
+    names: list[str] = field(default_factory=list)
 
     def __call__(self, a: la.Vector) -> None:
         """Remove the held components, in place."""
@@ -83,10 +85,11 @@ def axle(scene: Scene) -> Array:
 def supports(entries: list[Support], scene: Scene, domain: Domain) -> Supports:
     """Return supports as listed in a scene."""
     axes = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2], "axle": axle(scene)}
-    dofs, directions = [], []
+    dofs, directions, names = [], [], []
     for entry in entries:
         local = domain.local_dofs(surface_nodes(domain, entry.surface))
         for direction in entry.directions:
             dofs.append(local[local >= 0])
             directions.append(axes[direction])
-    return Supports(dofs, directions)
+            names.append(f"{entry.surface}_{direction}")
+    return Supports(dofs, directions, names)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Track and suspension of a scene: springs, dampers, dashpots and point masses."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from forms.springs.connections import Connections
@@ -18,9 +16,6 @@ from workflow.model.regions import facets, owners, surface_nodes
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.settings import Support
 from workflow.scene.track import Absorbing, Track
-
-if TYPE_CHECKING:
-    pass
 
 Seat = tuple[Index, Array]
 
@@ -40,26 +35,32 @@ def connections(scene: Scene, domain: Domain) -> Connections | None:
     if not (vehicle or track or scene.absorbing or scene.springs):
         return None
     links: list[Springs] = []
+    names: list[str] = []
     under: list[Seat] = []
     if track is not None and track.sleeper_top is None:
         under = seats_of_points(track, domain)
     masses = point_masses(scene, len(under))
     if track is not None and track.sleeper_top is None:
         links.append(pads_on_points(track, domain, under))
+        names.append("pads")
     elif track is not None:
         links += [pads_on_solids(track, domain), ballast(track, domain)]
+        names += ["pads", "ballast"]
     boundaries = scene.absorbing
     if track is not None and track.ends == "absorbing":
         boundaries = [*boundaries, Absorbing(surface=track.end_surface, waves="bar")]
     links += [absorbing_surface(scene, domain, entry) for entry in boundaries]
+    names += [f"absorbing_{entry.surface}" for entry in boundaries]
     first = len(masses.mass) - len(scene.springs)
     for point, spring in enumerate(scene.springs, first):
         stiffness, damping = np.array(spring.stiffness), np.array(spring.damping)
         links.append(mean_of_surface(domain, spring.surface, stiffness, damping, point))
+        names.append(f"spring_{spring.surface}")
     if vehicle is not None:
         k, c = UP * vehicle.suspension_stiffness, UP * vehicle.suspension_damping
         links.append(mean_of_surface(domain, vehicle.journal, k, c, first - 1))
-    return Connections(domain.msh.comm, masses, links, dt=0.0)
+        names.append("suspension")
+    return Connections(domain.msh.comm, masses, links, 0.0, names)
 
 
 def end_supports(scene: Scene) -> list[Support]:

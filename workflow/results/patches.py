@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -57,8 +57,20 @@ COLUMNS = {
     "creepage": Column(
         "1", lambda p, c: np.array([c.longitudinal, c.lateral]), "rigid slip over rolling speed"
     ),
+    "friction_power": Column("W", lambda p, c: p.friction_power, "of tangential forces on slip"),
+    "t_gamma": Column("N", lambda p, c: t_gamma(p, c), "tangential force times creepage"),
+    "spin_t_gamma": Column("N", lambda p, c: -p.spin_moment * c.spin, "spin moment times spin"),
     "spin_creepage": Column("1/m", lambda p, c: c.spin, "spin rate over rolling speed"),
 }
+
+
+def t_gamma(patch: "Patch", motion: "Creepage") -> float:
+    """Return the tangential force times creepage [N], the wear number: heat per way rolled.
+
+    Positive where the force on the contactor opposes its rigid slip. The part of spin is apart.
+    """
+    force = patch.frame[:2] @ patch.tangential_force
+    return float(-force[0] * motion.longitudinal - force[1] * motion.lateral)
 
 
 def travel(scene: Scene) -> Array | None:
@@ -76,22 +88,18 @@ def travel(scene: Scene) -> Array | None:
 
 
 def creepages(
-    pair: Any, u: Array, v: Array, footprint: "Footprint", scene: Scene
+    contactor: Array, target: Array, footprint: "Footprint", scene: Scene
 ) -> "tuple[Creepage, ...]":
-    """Return the creepage at each patch of a footprint; collective.
+    """Return the creepage at each patch of a footprint.
 
     Args:
-        pair: The contact pair, after its step.
-        u: Displacement of that step, flat, owned dofs first [m].
-        v: Velocity at the same time [m/s].
+        contactor: Position and velocity of all contactor nodes, shape ``(n, 6)`` [m, m/s].
+        target: Those of the target, shape ``(m, 6)`` [m, m/s].
         footprint: The footprint.
         scene: What tells how contact travels.
     """
     from contact.creepage import creepage_of
 
-    if not footprint.patches:
-        return ()
-    contactor, target = pair.surfaces(u, v)
     way = travel(scene)
     return tuple(creepage_of(patch, contactor, target, way) for patch in footprint.patches)
 

@@ -2,23 +2,25 @@
 """Writer of a result folder: settings, history, contact, fields and summary."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
-import numpy as np
 import numpy.typing as npt
 import tomli_w
 
 from meshes.domain import Domain
 from workflow.results import atomic, batch
-from workflow.results.columns import Item, note, rows, whole
+from workflow.results.columns import Item, note, rows
 from workflow.results.fields import FieldWriter
 from workflow.results.folder import Resume, cut, on_root
 from workflow.results.patches import event_rows, patch_rows
 from workflow.results.table import strict
 from workflow.scene import Scene, SceneError
+
+if TYPE_CHECKING:
+    from workflow.results.footprints import Touch
 
 UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
 
@@ -47,6 +49,8 @@ class Results:
         self.fields: FieldWriter | None = None
         self.write_fields = scene.output.fields
         self.lost: list[str] = []
+        self._kept: set[str] = set()  # pairs whose surfaces are in the file
+        self._tables: dict[str, set[str]] = {}  # columns that those of a resumed run began with
         try:
             on_root(self.comm, folder, lambda: self._open(scene, resume))
         except RuntimeError as error:
@@ -67,6 +71,7 @@ class Results:
         else:
             self.trackers = dict(resume.trackers)
             self.lost = cut(self.folder, resume)
+            self._tables = tables_of(self.folder / "results.h5")
         atomic.replace(self.folder / "scene.toml", settings)  # from now on it holds a run
         self.batch = batch.Batch(self.folder / "results.h5")
         if self.write_fields:
@@ -76,15 +81,13 @@ class Results:
     def append(
         self,
         history: Mapping[str, float],
-        footprints: Mapping[str, Any],
-        motions: Mapping[str, Any],
+        contacts: Mapping[str, "Touch"],
     ) -> None:
         """Add one output; it may wait to be written with later ones.
 
         Args:
             history: A row of the history.
-            footprints: The footprint of each contact pair.
-            motions: The creepage at each patch of each footprint.
+            contacts: The contact of each pair.
 
         Raises:
             RuntimeError: if it cannot be written; the file is then as it was.
@@ -93,26 +96,26 @@ class Results:
         def record() -> Iterator[Item]:
             for name, value in history.items():
                 yield rows(f"history/{name}", [float(value)], unit(name))
-            for name, footprint in footprints.items():
-                yield from self._contact(name, history["t"], footprint, motions[name])
+            for name, contact in contacts.items():
+                yield from self._contact(name, history["t"], contact)
 
         self.add(record)
         self.outputs += 1
 
-    def _contact(
-        self, name: str, t: float, footprint: Any, motion: Sequence[Any]
-    ) -> Iterator[Item]:
-        """Yield nodes, patches and events of one pair; patches keep their number."""
+    def _contact(self, name: str, t: float, contact: "Touch") -> Iterator[Item]:
+        """Yield nodes, facets, patches and events of one pair; patches keep their number."""
         from contact.patches import Tracker
+        from workflow.results import footprints  # a run without contact has none
 
-        tracker = self.trackers.setdefault(name, Tracker())
-        identity, events = tracker.follow(t, footprint)
+        tracker, foot = self.trackers.setdefault(name, Tracker()), contact.foot
+        identity, events = tracker.follow(t, foot)
         group = f"contact/{name}/{self.outputs}"
         yield note(group, t=t)
-        arrays = contact_arrays(footprint) | {"patch": identity[footprint.patch]}
-        for key, array in arrays.items():
-            yield whole(f"{group}/{key}", array, units=CONTACT_UNITS[key])
-        yield from patch_rows(f"patches/{name}", self.outputs, t, footprint, identity, motion)
+        yield from footprints.items(group, contact, identity)
+        if contact.sides and name not in self._kept:
+            self._kept.add(name)
+            yield from footprints.surface_items(name, contact.sides)
+        yield from patch_rows(f"patches/{name}", self.outputs, t, foot, identity, contact.motion)
         yield from event_rows(f"patches/{name}/events", events)
 
     def add(self, record: Callable[[], Iterable[Item]]) -> None:
@@ -124,9 +127,14 @@ class Results:
 
         def work() -> None:
             if self.batch is not None:
-                self.batch.add(list(record()))
+                self.batch.add([item for item in record() if self._fits(item)])
 
         on_root(self.comm, self.folder, work)
+
+    def _fits(self, item: Item) -> bool:
+        """Tell whether to write: tables that an older squealx has begun get no new columns."""
+        table, _, column = item.name.rpartition("/")
+        return table not in self._tables or column in self._tables[table]
 
     def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
         """Add displacement and velocity (local arrays) of the whole mesh; they may wait too."""
@@ -169,25 +177,12 @@ def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
     atomic.replace(folder / "summary.json", text.encode())
 
 
-CONTACT_UNITS = {
-    "node": "1",
-    "position": "m",
-    "normal": "1",
-    "normal_force": "N",
-    "tangential_force": "N",
-    "area": "m^2",
-    "slip_velocity": "m/s",
-    "stick": "1",
-    "patch": "1",
-    "friction": "1",
-}
-
-
-def contact_arrays(footprint: Any) -> dict[str, npt.NDArray[Any]]:
-    """Return the per-node arrays of a footprint by name."""
-    return {
-        key: np.asarray(getattr(footprint, key)) for key in CONTACT_UNITS if hasattr(footprint, key)
-    }
+def tables_of(path: Path) -> dict[str, set[str]]:
+    """Return the columns of history and patches that have rows, by table."""
+    with h5py.File(path, "r", locking=False) as file:
+        tables = {"history": file["history"]}
+        tables |= {f"patches/{pair}": table for pair, table in file.get("patches", {}).items()}
+        return {name: set(table) for name, table in tables.items() if len(table.get("t", ()))}
 
 
 def unit(name: str) -> str:

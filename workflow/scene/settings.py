@@ -273,13 +273,15 @@ class Output(Section):
 
     A checkpoint to go on from is written every ``checkpoint_minutes`` of wall time, or every so
     many steps, and at the end; 0 minutes: none. Probes and contact forces are sampled, averaged
-    over it, at every ``sample_interval``; none: they are not.
+    over it, at every ``sample_interval``; none: they are not. With ``log = "json"`` what goes to
+    ``run.log`` goes to ``run.jsonl`` as well, one JSON object a line.
     """
 
     fields: bool = True
     sample_interval: Duration | None = None
     checkpoint_minutes: Minutes = 10.0
     checkpoint_steps: Count | None = None
+    log: Literal["text", "json"] = "text"
 
 
 class MassScaling(Section):

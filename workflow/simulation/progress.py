@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress of a run: the line with time remaining, ``run.log``, and the time of each phase."""
+"""Progress of a run: the line with time remaining, ``run.log``, and the time of each phase.
+
+For machines the same goes to ``run.jsonl``, one JSON object a line: ``time`` (UTC), ``level``
+(``info``, ``error``), ``phase``, ``message``, and with the progress ``step``, ``t`` [s] and its
+numbers, at outputs the row of the history.
+"""
 
 import contextlib
+import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
+
+from workflow.results.table import strict
 
 if TYPE_CHECKING:
     import rich.progress
@@ -24,12 +33,14 @@ class Progress:
     Args:
         root: Whether this is rank 0.
         quiet: Nothing on the terminal.
+        clock: Tells the phase.
     """
 
-    def __init__(self, root: bool, quiet: bool) -> None:
-        self.root = root
-        self.lines: list[str] = []  # until there is a folder to write to
+    def __init__(self, root: bool, quiet: bool, clock: "Clock") -> None:
+        self.root, self.clock = root, clock
+        self.lines: list[tuple[str, dict[str, Any]]] = []  # of both logs, until there is a folder
         self.file: TextIO | None = None
+        self.objects: TextIO | None = None
         self.console: rich.console.Console | None = None
         if root and not quiet:
             from rich.console import Console  # slow to import, for nothing in a quiet run
@@ -49,26 +60,55 @@ class Progress:
         """Keep a line in the log without showing it."""
         self._keep(line)
 
-    def keep_in(self, path: Path) -> None:
-        """Write the log to the end of ``path`` from now on, what was said so far first."""
-        if self.root:
-            with contextlib.suppress(OSError):
-                self.file = path.open("a", encoding="utf-8")
-                self.file.writelines(self.lines)
-            self.lines.clear()
+    def ended(self, status: str) -> None:
+        """Keep how the run ended."""
+        self._keep(status, level="info" if status == "done" else "error")
 
-    def _keep(self, line: str) -> None:
+    def keep_in(self, folder: Path, *, objects: bool) -> None:
+        """Write the log to the end of ``run.log`` from now on, what was said so far first.
+
+        Args:
+            folder: Result folder.
+            objects: Write ``run.jsonl`` too.
+        """
+        if not self.root:
+            return
+        with contextlib.suppress(OSError):
+            self.file = (folder / "run.log").open("a", encoding="utf-8")
+            if objects:
+                self.objects = (folder / "run.jsonl").open("a", encoding="utf-8")
+        for line in self.lines:
+            self._write(*line)
+        self.lines.clear()
+
+    def _keep(
+        self, line: str, level: str = "info", numbers: Mapping[str, float | None] | None = None
+    ) -> None:
+        """Keep a line, for machines with its numbers."""
+        if not self.root:
+            return
+        now = {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "level": level}
+        entry = now | {"phase": self.clock.current, "message": line} | dict(numbers or {})
         text = f"{time.strftime('%H:%M:%S')} {line}\n"
         if self.file:
-            with contextlib.suppress(OSError):  # a full disk: the results will tell
+            self._write(text, entry)
+        else:
+            self.lines.append((text, entry))
+
+    def _write(self, text: str, entry: dict[str, Any]) -> None:
+        """Write a line to the log, and to that for machines if there is one."""
+        with contextlib.suppress(OSError):  # a full disk: the results will tell
+            if self.file is not None:
                 self.file.write(text)
                 self.file.flush()
-        elif self.root:
-            self.lines.append(text)
+            if self.objects is not None:
+                self.objects.write(json.dumps(strict(entry)) + "\n")
+                self.objects.flush()
 
     def start(self, model: "Model", last: int) -> None:
         """Begin the progress line of a run from where it stands to its last step."""
         self.dt, self.first, self.last = model.dt, model.state.step, last
+        self.clock.current = "stepping"
         self.log(f"stepping: {last - self.first} steps of {self.dt * 1e9:.1f} ns")
         self.began = self.told = time.perf_counter()
         if self.console is None:
@@ -91,7 +131,7 @@ class Progress:
             return
         self.shown = now
         if now - self.told > PULSE:
-            self._pulse(step, "")
+            self._pulse(step)
         if self.bar is not None:
             self.bar.update(
                 self.task,
@@ -114,25 +154,38 @@ class Progress:
             plural = "patch" if patches == 1 else "patches"
             parts.append(f"{name} {force / 1e3:.1f} kN in {patches} {plural}")
         self.state = "; ".join(parts)
-        self._pulse(model.state.step, f": {self.state}")
+        self._pulse(model.state.step, f": {self.state}", history)
 
-    def _pulse(self, step: int, state: str) -> None:
+    def _pulse(
+        self, step: int, state: str = "", history: Mapping[str, float] | None = None
+    ) -> None:
         """Keep a line of the log: time, step, rate, time remaining, and the state if given."""
         self.told, rate = time.perf_counter(), self.rate(step)
-        left = f"{(self.last - step) / rate:.0f} s left" if rate > 0 else "starting"
+        left = (self.last - step) / rate if rate > 0 else None
         self._keep(
             f"t = {step * self.dt * 1e3:.4f} ms, step {step} of {self.last}, "
-            f"{rate:.0f} steps/s, dt = {self.dt * 1e9:.1f} ns, {left}{state}"
+            f"{rate:.0f} steps/s, dt = {self.dt * 1e9:.1f} ns, "
+            f"{'starting' if left is None else f'{left:.0f} s left'}{state}",
+            numbers={
+                "t": step * self.dt,
+                "step": step,
+                "steps": self.last,
+                "dt": self.dt,
+                "steps_per_second": rate,
+                "seconds_left": left,
+                **(history or {}),
+            },
         )
 
     def close(self, *_: Any) -> None:
-        """End the line and the log."""
+        """End the line and the logs."""
         if self.bar is not None:
             self.bar.refresh()
             self.bar.stop()
-        if self.file:
-            with contextlib.suppress(OSError):
-                self.file.close()
+        for file in (self.file, self.objects):
+            if file is not None:
+                with contextlib.suppress(OSError):
+                    file.close()
 
 
 PHASES = ("mesh", "compile", "equilibrium", "internal_force", "contact", "update", "output")
@@ -140,10 +193,15 @@ PHASES = ("mesh", "compile", "equilibrium", "internal_force", "contact", "update
 
 @dataclass
 class Clock:
-    """Wall time spent in each phase of a run [s], and where the processor time began [s]."""
+    """Wall time spent in each phase of a run [s], and where the processor time began [s].
+
+    Attributes:
+        current: The phase that the run is in; between them ``stepping``.
+    """
 
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
     began: float = field(default_factory=time.process_time)
+    current: str = "start"
 
     @property
     def processor(self) -> float:
@@ -153,11 +211,12 @@ class Clock:
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
         """Add the time spent inside to a phase."""
-        start = time.perf_counter()
+        start, before, self.current = time.perf_counter(), self.current, name
         try:
             yield
         finally:
             self.seconds[name] += time.perf_counter() - start
+            self.current = before
 
     def timed(self, name: str, add: Callable[..., None]) -> Callable[..., None]:
         """Return ``add`` with its time counted as ``name``."""

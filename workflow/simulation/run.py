@@ -27,6 +27,7 @@ from workflow.simulation.energy import Ledger
 from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import start
 from workflow.simulation.progress import Clock, Progress
+from workflow.simulation.reactions import Reactions
 from workflow.simulation.resuming import finished, how_to_go_on, point_of
 from workflow.simulation.summary import answers, output, summarise
 from workflow.simulation.threads import one_per_rank
@@ -92,7 +93,8 @@ def run(
         Interrupted: SIGINT, SIGTERM or SIGHUP came; there is a checkpoint if stepping had begun.
         Alone: an error of this rank alone, which the others wait for: end them.
     """
-    began, progress = time.perf_counter(), Progress(comm.rank == 0, quiet)
+    began, clock = time.perf_counter(), Clock()
+    progress = Progress(comm.rank == 0, quiet, clock)
     with interrupts.raised(), occupied(out, comm, "squealx run", resume=resume) as folder:
         point = None
         if resume:
@@ -102,7 +104,7 @@ def run(
             point = point_of(folder, scene, comm, progress.log)
         with one_per_rank() as threads:
             progress.note(threads)
-            model, clock = made(scene, comm, progress, point, (laws, friction, items, mesh))
+            model = made(scene, comm, progress, point, (laws, friction, items, mesh))
             job = prepared(model, clock, progress, folder, point, began)
             with concluded(job):
                 if point is None:
@@ -122,15 +124,14 @@ def made(
     progress: Progress,
     point: checkpoint.Checkpoint | None,
     own: tuple[Any, Any, Any, Any],
-) -> tuple[Model, Clock]:
-    """Return the model of a scene, for the checkpoint if there is one, and what its time took."""
-    clock = Clock()
+) -> Model:
+    """Return the model of a scene, for the checkpoint if there is one."""
     built = point.as_built(scene) if point else scene  # its mesh may be that of an earlier end
-    model = build(built, comm, progress.log, clock.phase, *own)
+    model = build(built, comm, progress.log, progress.clock.phase, *own)
     model.scene = scene
     if point is not None:
         point.fits(model)
-    return model, clock
+    return model
 
 
 def prepared(
@@ -144,7 +145,7 @@ def prepared(
     """Return the run of a model into a folder, which is opened."""
     sampling, ledger = sampler(model), Ledger(model)
     results = Results(folder, model.scene, model.domain, point.resume() if point else None)
-    progress.keep_in(folder / "run.log")
+    progress.keep_in(folder, objects=model.scene.output.log == "json")
     keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
     return Job(model, results, ledger, sampling, keeper, clock, progress)
 
@@ -202,6 +203,7 @@ def leave(job: Job, status: str) -> None:
     found = summarise(model, None, 0.0, status, clock, job.keeper.wall, contacts=False)
     with contextlib.suppress(OSError):
         write_summary(job.results.folder, found)
+    job.progress.ended(status)
     job.progress.close()
 
 
@@ -222,9 +224,11 @@ def conclude(job: Job) -> None:
         results.summarise(job.summary)
     except RuntimeError as error:
         if status == "done":
+            status = f"stopped: {error}"
             raise GuardError(str(error)) from error
         job.progress.log(f"summary.json not written: {error}")
     finally:
+        job.progress.ended(status)
         job.progress.close()
 
 
@@ -264,8 +268,10 @@ def steps(
         progress.note(line)
     progress.start(model, round(scene.time.end / model.dt))
     watched = guards.Watch(model)
-    end = round(scene.time.end / model.dt) * model.dt
-    for _ in interruptible(job, stepping.steps(model, end, job.clock, resumed=resumed)):
+    end, reactions = round(scene.time.end / model.dt) * model.dt, Reactions(model, per_output)
+    hold = reactions if model.supports.dofs else None
+    stepped = stepping.steps(model, end, job.clock, hold=hold, resumed=resumed)
+    for _ in interruptible(job, stepped):
         if state.step == 0:
             tell_offsets(model, progress.log)
         if job.sampling is not None:
@@ -275,7 +281,7 @@ def steps(
         if state.step % per_output == 0:
             with job.clock.phase("output"):
                 energy, error = job.ledger.measure()
-                history = output(model, job.results, energy, error, job.ledger)
+                history = output(model, job.results, energy, error, job.ledger, reactions)
                 if job.sampling is not None:
                     job.sampling.append(job.results)
             progress.output(model, history)

@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 
 
 def steps(
-    model: "Model", t_end: float, clock: "Clock | None" = None, *, resumed: bool = False
+    model: "Model",
+    t_end: float,
+    clock: "Clock | None" = None,
+    *,
+    hold: Callable[[dolfinx.la.Vector], None] | None = None,
+    resumed: bool = False,
 ) -> Iterator[State]:
     """Yield the state of a model at every step from now to ``t_end``.
 
@@ -34,6 +39,7 @@ def steps(
         model: The model.
         t_end: Last time [s].
         clock: Takes the time of every item as its phase, and what is left as ``update``.
+        hold: Imposes supports and prescribed motion; ``model.hold`` if left out.
         resumed: As for :func:`central_difference`.
     """
     dead = [item for item in model.items if isinstance(item, DeadLoad)]
@@ -50,7 +56,7 @@ def steps(
         model.state,
         model.mass.petsc_vec,
         [timed(item) for item in acting if item not in last],
-        model.hold,
+        model.hold if hold is None else hold,
         model.dt,
         t_end,
         moving=[item for item in acting if hasattr(item, "back")],

@@ -10,29 +10,34 @@ from typing import Any
 import numpy as np
 
 from workflow.model.model import Model
-from workflow.results.patches import creepages
 from workflow.results.writer import Results
 from workflow.simulation.energy import Energy, Ledger, columns
 from workflow.simulation.progress import Clock
+from workflow.simulation.reactions import Reactions
 
 
 def output(
-    model: Model, results: Results, energy: Energy, error: float, ledger: Ledger
+    model: Model,
+    results: Results,
+    energy: Energy,
+    error: float,
+    ledger: Ledger,
+    reactions: Reactions,
 ) -> dict[str, float]:
     """Write one output: history, footprints, fields; return the row of history."""
     state, scene = model.state, model.scene
     history = {"t": state.t, **columns(energy, error)}
     history |= {"guarded_error": ledger.guarded_error, "contact_work": ledger.contact_work}
     u, v = state.u.x.array, state.v.x.array + model.dt / 2 * state.a.array
-    footprints, motions = {}, {}
-    for name, pair in model.pairs.items():
-        footprint = pair.footprint(stick_tolerance=scene.contacts[name].stick_tolerance)
-        footprints[name] = footprint
-        motions[name] = creepages(pair, u, v, footprint, scene)
-        history |= {
-            f"{name}_{key}": value for key, value in contact_history(pair, footprint).items()
-        }
-    results.append(history, footprints, motions)
+    contacts, pairs = {}, model.pairs
+    if pairs:
+        from workflow.results.footprints import touch  # a run without contact has none
+    for name, pair in pairs.items():
+        contacts[name] = touch(pair, u, v, scene)
+        columns_of = contact_history(pair, contacts[name].foot)
+        history |= {f"{name}_{key}": value for key, value in columns_of.items()}
+    history |= reactions.columns(contacts)
+    results.append(history, contacts)
     results.append_fields(state.t, u, v)
     return history
 
