@@ -2,9 +2,10 @@
 """The ``squealx`` command."""
 
 import contextlib
+import io
 import math
 import os
-import traceback
+import sys
 from collections.abc import Iterator
 from importlib.metadata import version as package_version
 from pathlib import Path
@@ -18,6 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 from workflow.cli import model, profile, results, scaling, study
+from workflow.cli.errors import told
 from workflow.cli.options import (
     EXIT,
     Changes,
@@ -32,7 +34,7 @@ from workflow.cli.options import (
     on_ranks,
     scene_of,
 )
-from workflow.scene.scene import Scene, SceneError, names
+from workflow.scene.scene import Scene, names
 from workflow.simulation import interrupts
 from workflow.simulation.ranks import Alone, end, end_with_parent, in_mpi
 from workflow.simulation.ranks import check as check_ranks
@@ -168,26 +170,17 @@ def main() -> None:
     """Run the command line; its exit codes are those of ``options.EXIT``."""
     if in_mpi():
         end_with_parent()  # the launcher's proxy
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # terminals that know few letters
     with interrupts.raised():
         try:
             app()
-        except SceneError as error:
-            fail(2, str(error))
+        except BrokenPipeError:  # the reader has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         except interrupts.Interrupted as stop:
             fail(130, str(stop))
         except Alone as error:
             end(str(error), 3)
         except Exception as error:
-            _failed(error)
-
-
-def _failed(error: Exception) -> None:
-    """End with what a guard said, or with an error that nobody expected."""
-    from workflow.simulation.guards import GuardError
-
-    if isinstance(error, GuardError):
-        fail(3, str(error))
-    if not in_mpi():
-        raise error
-    traceback.print_exc()
-    fail(3, f"{type(error).__name__}: {error}")
+            fail(*told(error))

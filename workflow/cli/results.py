@@ -27,8 +27,6 @@ ModesFolder = Annotated[
 )
 def figures(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = False) -> None:
     """Draw the figures of a run into its folder figures/."""
-    if not (folder / "results.h5").is_file():
-        raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
     if modes is not None and not (modes / "modes.json").is_file():
         raise SceneError(f"--modes {str(modes)!r}: expected a folder of squealx modes")
     from workflow.figures.gallery import draw
@@ -69,10 +67,10 @@ def export_footprints(
     patch, friction power and area of the nodes, SI units. On the contactor these are what the
     contact has computed, on the target the reactions as they were shared by its nodes.
     """
-    if not (folder / "results.h5").is_file():
-        raise SceneError(f"folder = {str(folder)!r}: expected a result folder with results.h5")
     from workflow.results.footprint_files import export
+    from workflow.results.record import whole
 
+    whole(folder)
     found = export(folder, out or folder / "footprints", tables=csv)
     answer(as_json, found, lambda: [f"{found['series']}: {found['outputs']} outputs"])
 

@@ -22,7 +22,7 @@ from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.section import contact_nodes, cross_section
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
-from workflow.results.record import Record
+from workflow.results.record import Record, whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,8 +62,11 @@ def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:
     Args:
         folder: Result folder of a run.
         modes: Folder of natural modes that its spectra are drawn with; one beside it if None.
+
+    Raises:
+        SceneError: if the folder holds no run, or what it holds cannot be read.
     """
-    record, paths = Record(folder, modes), []
+    record, paths = whole(folder, modes), []
     with style.style():
         for figure in FIGURES:
             fig = figure(record)

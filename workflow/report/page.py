@@ -8,7 +8,6 @@ import base64
 import itertools
 import json
 import shlex
-import tomllib
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -28,7 +27,7 @@ from workflow.report.tables import (
     settings,
 )
 from workflow.results import atomic
-from workflow.results.record import Record
+from workflow.results.record import Record, whole
 from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
 from workflow.theory.quantity import answers
@@ -47,30 +46,12 @@ def report(folder: str | Path, modes: Path | None = None) -> Path:
     Raises:
         SceneError: if the folder holds no run, or what it holds cannot be read.
     """
-    record = opened(folder, modes)
+    record = whole(folder, modes)
     pictures = gallery.draw(record.folder, modes)
     page = render(contents(record, pictures))
     path = record.folder / "report.html"
     atomic.replace(path, page.encode())
     return path
-
-
-def opened(folder: str | Path, modes: Path | None = None) -> Record:
-    """Return the record of a result folder.
-
-    Raises:
-        SceneError: if it holds no run, or what it holds cannot be read.
-    """
-    path = Path(folder)
-    for name in ("scene.toml", "results.h5"):
-        if not (path / name).is_file():
-            raise SceneError(f"folder = {str(path)!r}: expected a result folder with {name}")
-    try:
-        record = Record(path, modes)
-        record.history
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError, KeyError) as error:
-        raise SceneError(f"folder = {str(path)!r}: expected a result folder: {error}") from None
-    return record
 
 
 def contents(record: Record, pictures: Sequence[Path]) -> dict[str, Any]:

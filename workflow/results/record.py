@@ -15,7 +15,7 @@ import numpy.typing as npt
 from meshes.arrays import Array
 from meshes.tags import NAMES, Tag
 from workflow.results.batch import opened
-from workflow.scene.scene import Scene
+from workflow.scene.scene import Scene, SceneError
 
 if TYPE_CHECKING:
     from workflow.results.patch_nodes import PatchNodes
@@ -166,6 +166,66 @@ class Record:
     @property
     def _fields(self) -> Path:
         return self.folder / "fields.vtkhdf"
+
+
+def whole(folder: str | Path, modes: Path | None = None) -> Record:
+    """Return the record of a result folder whose files can be read.
+
+    Args:
+        folder: Result folder of a run.
+        modes: Folder of natural modes that goes with it.
+
+    Raises:
+        SceneError: naming the file that is missing or damaged.
+    """
+    path = Path(folder)
+    for name in ("scene.toml", "results.h5"):
+        if not (path / name).is_file():
+            raise SceneError(f"folder = {str(path)!r}: expected a result folder with {name}")
+    name = "scene.toml"
+    try:
+        record = Record(path, modes)
+        record.checked
+        name = "results.h5"
+        _check_history(record)
+        name = "fields.vtkhdf"
+        _check_fields(record)
+        name = "summary.json"
+        if (path / name).exists() and not isinstance(json.loads((path / name).read_bytes()), dict):
+            raise ValueError("no JSON object")
+    except (OSError, LookupError, ValueError, TypeError, RuntimeError) as error:
+        said = " ".join(str(error).split()).partition(" (")[0]
+        raise SceneError(
+            f"{str(path / name)!r} cannot be read: {said}; expected it as a run has written it "
+            "(--resume takes results.h5 from the checkpoint; without fields.vtkhdf or summary.json "
+            "the rest can still be read)"
+        ) from None
+    return record
+
+
+def _check_history(record: Record) -> None:
+    """Raise an error if columns of the history are of different lengths, or no contact is read."""
+    lengths = {name: len(column) for name, column in record.history.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of {sorted(set(lengths.values()))} rows")
+    with opened(record.folder / "results.h5") as file:
+        file["contact"].keys()
+
+
+def _check_fields(record: Record) -> None:
+    """Raise an error if cells have nodes that are not there, or outputs are missing."""
+    body = record.body
+    if body is None:
+        return
+    if body.cells.size and not 0 <= body.cells.min() <= body.cells.max() < len(body.points):
+        raise ValueError(f"cells of nodes {body.cells.min()} to {body.cells.max()}")
+    if len(body.regions) != len(body.cells):
+        raise ValueError(f"{len(body.regions)} regions for {len(body.cells)} cells")
+    with opened(record.folder / "fields.vtkhdf") as file:
+        root = file["VTKHDF"]
+        steps = len(root["Steps/Values"]) if "Steps" in root else 0
+        if steps and len(root["PointData/displacement"]) != steps * len(body.points):
+            raise ValueError(f"displacements of other than {steps} outputs")
 
 
 def _contact(group: Any) -> Contact:

@@ -325,6 +325,12 @@ def _is_name(path: Path, source: str) -> bool:
 def _text(path: Path, source: str) -> str:
     if _is_name(path, source):
         return (BUILTIN / f"{source}.toml").read_text("utf-8")
-    if path.is_file():
+    try:
         return path.read_text("utf-8")
-    raise SceneError(f"scene {source!r}: expected a TOML file or one of {', '.join(names())}")
+    except (FileNotFoundError, IsADirectoryError):
+        reason = ""
+    except OSError as error:
+        reason = f"{error.strerror}; "
+    raise SceneError(
+        f"scene {source!r}: {reason}expected a TOML file or one of {', '.join(names())}"
+    )
