@@ -176,8 +176,10 @@ def main() -> None:
     with interrupts.raised():
         try:
             app()
-        except BrokenPipeError:  # the reader has seen enough
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        except SystemExit as stop:
+            if type(sys.stdout).__name__ == "PacifyFlushWrapper":
+                sys.exit(0)  # so typer leaves a reader that has seen enough, as head; with 1
+            raise stop
         except interrupts.Interrupted as stop:
             fail(130, str(stop))
         except Alone as error:
