@@ -51,7 +51,8 @@ class Surface:
 def tributary_area(surface: Surface) -> Array:
     """Return the undeformed area that belongs to each node, shape ``(n,)`` [m2]."""
     share = corner_areas(surface.reference, surface.facets)
-    return np.bincount(surface.facets.ravel(), weights=share.ravel(), minlength=len(surface.nodes))
+    area = np.bincount(surface.facets.ravel(), share.ravel(), minlength=len(surface.nodes))
+    return np.asarray(area, dtype=np.float64)
 
 
 def _check(

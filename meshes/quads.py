@@ -61,7 +61,8 @@ def corner_areas(points: Array, quads: Quads) -> Array:
 def nodal_areas(points: Array, quads: Quads) -> Array:
     """Return the area that belongs to each node, ``∫ N dA``, shape ``(n,)`` [m²]."""
     parts = _parts(points, quads)
-    return np.bincount(np.tile(quads.ravel(), 4), parts.ravel(), minlength=len(points))
+    area = np.bincount(np.tile(quads.ravel(), 4), parts.ravel(), minlength=len(points))
+    return np.asarray(area, dtype=np.float64)
 
 
 def _parts(points: Array, quads: Quads) -> Array:

@@ -27,11 +27,12 @@ from workflow.model.model import Model, build
 from workflow.simulation import initial
 from workflow.simulation import run as running
 from workflow.simulation.interrupts import Interrupted
-from workflow.simulation.ranks import mpi_command, mpiexec, tie
+from workflow.simulation.ranks import OPEN_MPI, mpi_command, mpiexec, tie
 from workflow.stability import limits
 
 # two ranks on a machine with one core are a test as well
 os.environ["SQUEALX_OVERSUBSCRIBE"] = "1"
+os.environ.update(OPEN_MPI)
 
 # workers that compile the same form wait for each other for as long as it takes
 _, _words = jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]

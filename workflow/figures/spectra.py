@@ -7,6 +7,7 @@ Spectra say what they are made with: window, length of record and what is left o
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from contact.footprint import contact_angle
 from meshes.arrays import Array
@@ -76,15 +77,18 @@ def sampled_forces(record: Record) -> "Figure | None":
 def parts(record: Record, pair: PairSamples) -> list[tuple[str, str, Array]]:
     """Return label, colour and sums of the nodal normal forces, by place for a wheel on a rail."""
     size = np.linalg.norm(pair.normal_forces, axis=1)
-    count = len(pair.start) - 1
+
+    def total(mine: npt.NDArray[np.bool_]) -> Array:
+        force = np.bincount(pair.sample[mine], size[mine], len(pair.start) - 1)
+        return np.asarray(force, dtype=np.float64)
+
     if not record.wheel_on_rail:
-        return [("normal force", style.PATCH[1], np.bincount(pair.sample, size, count))]
+        return [("normal force", style.PATCH[1], total(np.ones(len(size), dtype=bool)))]
     angle = contact_angle(pair.normal_forces)
     out = []
     for place, mine in ((1, angle < STEEP), (2, angle >= STEEP)):
-        force = np.bincount(pair.sample[mine], size[mine], count)
         if mine.any():
-            out.append((style.PATCH_NAME[place], style.PATCH[place], force))
+            out.append((style.PATCH_NAME[place], style.PATCH[place], total(mine)))
     return out
 
 

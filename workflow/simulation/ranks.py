@@ -30,6 +30,16 @@ GRACE = 60.0  # s that ranks have for their checkpoint once they are to end
 TAG = 21_000  # of messages about an error
 # files of the current folder, numbers.py or struct.py, must not take the place of modules
 OWN_MODULES = {"PYTHONSAFEPATH": "1"}
+# Open MPI, unlike MPICH, refuses root, which containers have, and ranks that share a core, which
+# ``check`` has allowed; and it binds two ranks to two cores, whatever else runs there
+OPEN_MPI = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "PRTE_MCA_hwloc_default_binding_policy": "none",
+}
 PR_SET_PDEATHSIG = 1
 
 with contextlib.suppress(OSError, AttributeError):
@@ -89,7 +99,7 @@ def mpi_command(ranks: int, words: Sequence[str]) -> list[str]:
 
 def tied() -> dict[str, Any]:
     """Return the options of ``subprocess`` for a Python or its launcher, tied to this process."""
-    return {"preexec_fn": tie(), "env": os.environ | OWN_MODULES}
+    return {"preexec_fn": tie(), "env": OPEN_MPI | os.environ | OWN_MODULES}
 
 
 def tie(number: int = signal.SIGTERM) -> Callable[[], None]:

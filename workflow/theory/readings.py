@@ -74,7 +74,8 @@ def volumes(record: Record, region: str) -> Array | None:
     numbers = {name: number for number, name in body.names.items()}
     cells = body.cells[body.regions == numbers[region]]
     share = np.repeat(cell_volumes(body.points, cells) / 8, 8)
-    return np.bincount(cells.ravel(), share, minlength=len(body.points))
+    total = np.bincount(cells.ravel(), share, minlength=len(body.points))
+    return np.asarray(total, dtype=np.float64)
 
 
 def moved(record: Record, region: str, name: str = "displacement") -> tuple[Array, Array] | None:
