@@ -90,6 +90,7 @@ def meshed(
         raise ValueError(f"gmsh: {error}") from None
     finally:
         if gmsh.isInitialized():
+            gmsh.logger.stop()  # else the next model is warned of it
             gmsh.finalize()
 
 

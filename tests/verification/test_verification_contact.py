@@ -369,6 +369,8 @@ def command_line(command, name: str, changes: dict, folder, ranks: int) -> dict:
 
 def column_scale(name: str, history: dict, force: float, length: float) -> float:
     """Size of a history column in the physics of its scene, not of its round-off."""
+    if name.startswith("support"):
+        return max(float(np.abs(v).max()) for k, v in history.items() if k.startswith("support"))
     if name.endswith("force"):
         return force
     if name.endswith("penetration"):

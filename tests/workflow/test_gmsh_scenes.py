@@ -148,8 +148,10 @@ def test_only_one_rank_runs_gmsh(folder, mpirun):
 OTHERS = """
 import sys
 from workflow import Scene
-from workflow.model.geometry import check_mesh, mesh_of
-check_mesh(Scene.load("tread-rolling"), print)
+from workflow.model.checks import check
+from workflow.model.geometry import mesh_of, read_mesh
+check(Scene.load("tread-rolling"))
+assert read_mesh(Scene.load("tread-rolling"), print) is None
 for scene in map(Scene.load, sys.argv[1:]):
     if scene.mesh.kind != "wheel-on-rail":
         mesh_of(scene)

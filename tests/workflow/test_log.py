@@ -27,7 +27,8 @@ def test_every_line_of_the_log_is_an_object(run_scene):
     assert [line["message"] for line in lines] == [line[9:] for line in text]
     times = [datetime.fromisoformat(line["time"]) for line in lines]
     assert times == sorted(times) and now - timedelta(hours=1) < times[0] <= times[-1] <= now
-    assert [lines[k]["phase"] for k in (0, 1, -1)] == ["start", "mesh", "stepping"]
+    phases = list(dict.fromkeys(line["phase"] for line in lines))
+    assert phases[:2] == ["start", "mesh"] and phases[-1] == "stepping"
     assert lines[-1]["message"] == "done" and {line["level"] for line in lines} == {"info"}
 
 

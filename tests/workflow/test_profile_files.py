@@ -101,6 +101,7 @@ def test_coarse_profiles_are_doubted(tmp_path):
     drawn = rail("54E1")
     np.savetxt(tmp_path / "rail.csv", drawn.at(drawn.joints) * 1e3)
     change = {"mesh.rail_profile": str(tmp_path / "rail.csv"), "mesh.lateral_shift": 0.0}
+    change["mesh.strip"] = None
     scene = Scene.load("flange-transition").with_(**change)
     check(scene)
     told = list(readings(scene.mesh))

@@ -120,7 +120,7 @@ def test_page_tells_settings_results_and_how(block):
 def test_everything_is_escaped(copied):
     """Text of the scene, the log and the status is shown, never understood."""
     evil = "<script>alert('x')</script> & <b>"
-    scene = Record(copied).scene | {"title": evil, "name": evil}
+    scene = Record(copied).scene | {"title": evil, "about": evil}
     (copied / "scene.toml").write_text(tomli_w.dumps(scene), "utf-8")
     summary = json.loads((copied / "summary.json").read_text())
     summary |= {"status": f"stopped: {evil}", "memory": {evil: 1.5}}

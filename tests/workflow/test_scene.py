@@ -156,7 +156,10 @@ def test_files_that_are_not_toml_are_named(tmp_path, content):
 
 def test_unknown_scenes_are_told_the_known_ones():
     """Neither a file nor built in."""
-    assert "'bar-wavy': expected a TOML file or one of bar-impact, bar-wave" in refusal("bar-wavy")
+    assert (
+        "'bar-wavy': expected a TOML file or one of ball-on-block, bar-impact, bar-wave"
+        in refusal("bar-wavy")
+    )
 
 
 def test_changes_nest_and_leave_the_rest_alone():

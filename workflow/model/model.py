@@ -117,7 +117,6 @@ def build(
         CompilerError: if this machine cannot compile forms; before the mesh is made.
     """
     host_of(comm)
-    own = {**(laws or {}), **(friction or {})}
     doubtful = [] if (read := isinstance(scene.mesh, Foreign)) else told(scene, None, comm, log)
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log, mesh)
@@ -128,10 +127,10 @@ def build(
         model.doubts += doubtful
         check_step(scene, model.dt)
         attach(model, friction, log)
-        for k, make in enumerate(items, 1):
+        items = tuple(items)
+        for make in items:
             model.items.append(make(model))
-            own[f"item {k}"] = make
-    model.own_laws = {name: name_of(law) for name, law in own.items()}
+    model.own_laws = names_of_own(laws, friction, items)
     if reason := model.internal.kernel.engine.reason:
         log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
@@ -157,6 +156,15 @@ def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[s
     for line in found:
         log(f"doubt: {line}")
     return found
+
+
+def names_of_own(
+    laws: Mapping[str, Any] | None, friction: Mapping[str, Any] | None, items: Iterable[Any]
+) -> dict[str, str]:
+    """Return the names of laws and items that were given from Python, see ``Model.own_laws``."""
+    own = {**(laws or {}), **(friction or {})}
+    own |= {f"item {k}": make for k, make in enumerate(items, 1)}
+    return {name: name_of(law) for name, law in own.items()}
 
 
 def name_of(law: Any) -> str:

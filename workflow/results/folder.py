@@ -91,7 +91,10 @@ def kept(out: str | Path, who: str, *, resume: bool = False) -> Iterator[Path]:
     Raises:
         SceneError: if somebody is at work there, if it holds a run or cannot be written.
     """
-    path = check_free(out, resume=True)
+    path = Path(out)
+    if not (resume or (path / LOCK).exists()):
+        check_empty(path)  # a folder of results is not touched, nor is one at work
+    check_free(path, resume=True)
     with locked(path, who):
         if not resume:
             check_empty(path)

@@ -35,7 +35,7 @@ def locked(folder: Path, who: str) -> Iterator[TextIO]:
     Raises:
         SceneError: if somebody is at work here, or if the folder cannot be written.
     """
-    made, path = not folder.exists(), folder / NAME
+    path, made = folder / NAME, [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = _taken(path)
@@ -55,8 +55,8 @@ def locked(folder: Path, who: str) -> Iterator[TextIO]:
         finally:
             with contextlib.suppress(OSError):
                 path.unlink()
-                if made:
-                    folder.rmdir()
+                for above in made:
+                    above.rmdir()
 
 
 def _taken(path: Path) -> TextIO:

@@ -20,13 +20,21 @@ from workflow.scene import Scene, SceneError
 from workflow.simulation.checkpoint import Checkpoint, check_same, file_of, read
 
 
-def finished(folder: Path, scene: Scene, comm: MPI.Comm) -> dict[str, Any] | None:
+def finished(
+    folder: Path, scene: Scene, own: dict[str, str], comm: MPI.Comm
+) -> dict[str, Any] | None:
     """Return the summary of a run that has reached the end of this scene; None of any other.
 
+    Args:
+        folder: Result folder.
+        scene: What is to be run.
+        own: Names of laws and items that are given with it, see ``Model.own_laws``.
+        comm: Ranks that share the run.
+
     Raises:
-        SceneError: on all ranks, if the folder holds a run of another scene.
+        SceneError: on all ranks, if the folder holds a run of another scene or of other laws.
     """
-    return on_all(comm, lambda: _finished(folder, scene))
+    return on_all(comm, lambda: _finished(folder, scene, own))
 
 
 def point_of(
@@ -69,7 +77,7 @@ def on_all(comm: MPI.Comm, work: Callable[[], Any]) -> Any:
     return found
 
 
-def _finished(folder: Path, scene: Scene) -> dict[str, Any] | None:
+def _finished(folder: Path, scene: Scene, own: dict[str, str]) -> dict[str, Any] | None:
     made = folder / "scene.toml"
     if not made.is_file():
         if outputs_in(folder):
@@ -82,6 +90,8 @@ def _finished(folder: Path, scene: Scene) -> dict[str, Any] | None:
     summary = summary_of(folder)
     if summary.get("status") != "done":
         return None
+    if (had := summary.get("own_laws", {})) != own:
+        raise SceneError(f"resume: expected the laws of that run, {had}, got {own}")
     late = abs(scene.time.end - summary.get("time", math.inf)) > summary.get("dt", 0.0)
     return None if late else summary
 

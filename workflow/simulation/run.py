@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from forms.elements import Law
 from workflow.model import Model, build
+from workflow.model.model import names_of_own
 from workflow.model.state import Item
 from workflow.model.step import step_report
 from workflow.results.energy import Energy
@@ -93,12 +94,13 @@ def run(
         Interrupted: SIGINT, SIGTERM or SIGHUP came; there is a checkpoint if stepping had begun.
         Alone: an error of this rank alone, which the others wait for: end them.
     """
-    began, clock = time.perf_counter(), Clock()
+    began, clock, items = time.perf_counter(), Clock(), tuple(items)
     progress = Progress(comm.rank == 0, quiet, clock)
     with interrupts.raised(), occupied(out, comm, "squealx run", resume=resume) as folder:
         point = None
         if resume:
-            if (summary := finished(folder, scene, comm)) is not None:
+            own = names_of_own(laws, friction, items)
+            if (summary := finished(folder, scene, own, comm)) is not None:
                 progress.log(f"{folder}: {how_to_go_on(folder)}")
                 return Result(folder, summary)
             point = point_of(folder, scene, comm, progress.log)
