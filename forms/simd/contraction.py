@@ -89,6 +89,9 @@ class Definitions(FFCXBackendDefinitions):
         self, array: Any, offset: int, block: int, tabledata: Any, rule: Any, access: Any
     ) -> Any:
         """Return ``access = values[point]`` and compute the values before the loop, if possible."""
+        if tabledata.ttype == "quadrature" and isinstance(access, L.Symbol):
+            at = array[offset + tabledata.offset + block * self.symbols.quadrature_loop_index]
+            return L.Section("Value", [], [L.VariableDecl(access, at)], [array], [access])
         product = _product(tabledata)
         if product is None or not isinstance(access, L.Symbol):
             return None
@@ -112,7 +115,18 @@ class Definitions(FFCXBackendDefinitions):
 
 
 class Generator(IntegralGenerator):
-    """FFCx's generator of a cell kernel with sums over dofs outside the quadrature loop."""
+    """FFCx's generator of a cell kernel with sums over dofs outside the quadrature loop.
+
+    Args:
+        ir: FFCx's representation of the integral.
+        backend: FFCx's backend with :class:`Definitions`.
+        size: Entries of the element vector; what the test function has beyond them are the values
+            of history at the quadrature points, which are stored, not summed.
+    """
+
+    def __init__(self, ir: Any, backend: Any, size: int) -> None:
+        super().__init__(ir, backend)
+        self.size = size
 
     def generate_quadrature_loop(self, quadrature_rule: Any, domain: Any) -> list[Any]:
         """Return the loop over one quadrature rule with what goes before and after it."""
@@ -125,6 +139,14 @@ class Generator(IntegralGenerator):
         self, quadrature_rule: Any, domain: Any, blockmap: tuple[Any, ...], blocklist: list[Any]
     ) -> tuple[list[Any], list[Any]]:
         """Return statements in the loop that collect what multiplies the test function."""
+        own = [b for b in blocklist if b.ma_data[0].tabledata.offset >= self.size]
+        if own:  # grouped by FFCx with the sums, if there are as many dofs as points
+            rest = [b for b in blocklist if b not in own]
+            stored, values = self._history(quadrature_rule, domain, own)
+            if not rest:
+                return [stored], values
+            parts, others = self.generate_block_parts(quadrature_rule, domain, blockmap, rest)
+            return [*parts, stored], [*others, *values]
         products = [_product(block.ma_data[0].tabledata) for block in blocklist]
         if None in products:
             return super().generate_block_parts(quadrature_rule, domain, blockmap, blocklist)
@@ -144,6 +166,30 @@ class Generator(IntegralGenerator):
         symbols = [i.symbol for i in intermediates]
         A = self.backend.symbols.element_tensor
         return [L.Section("Collect", statements, [], symbols, [A])], intermediates
+
+    def _history(self, rule: Any, domain: Any, blocklist: list[Any]) -> tuple[Any, list[Any]]:
+        """Return what stores new history at a point, and variables for its values.
+
+        Weight and Jacobian do not belong to it: the form has the inverse of the latter
+        (:func:`forms.cells.per_point`), and both are left out, so that what does not change is
+        kept to the last bit.
+        """
+        A, point = self.backend.symbols.element_tensor, self.backend.symbols.quadrature_loop_index
+        nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
+        statements: list[Any] = []
+        variables: list[Any] = []
+        for block in blocklist:
+            table = block.ma_data[0].tabledata
+            index = block.factor_indices_comp_indices[0][0]
+            above, below = _factors(nodes[index]["expression"])
+            for f in below:
+                above.remove(f)
+            value = reduce(mul, [self.get_var(rule, domain, f) for f in above], L.LiteralFloat(1.0))
+            symbol, known = self.get_temp_symbol("new", (rule, index))
+            variables += [] if known else [L.VariableDecl(symbol, value)]
+            statements.append(L.Assign(A[table.block_size * point + table.offset], symbol))
+        symbols = [v.symbol for v in variables]
+        return L.Section("History", statements, [], symbols, [A]), variables
 
     def _weighted(self, rule: Any, domain: Any, block: Any) -> tuple[Any, list[Any]]:
         """Return what multiplies the test function at a point, and a variable for it if new."""

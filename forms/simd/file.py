@@ -21,6 +21,7 @@ typedef STORED stored;
 #define CAN_SHUFFLE 1
 #endif
 typedef real vec __attribute__((vector_size(VECTOR_BYTES)));
+typedef real loose __attribute__((vector_size(VECTOR_BYTES), aligned(sizeof(real)), may_alias));
 typedef int{bits}_t mask __attribute__((vector_size(VECTOR_BYTES)));
 
 static inline vec splat(real x) {{ return (vec){{0}} + x; }}

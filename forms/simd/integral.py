@@ -3,7 +3,7 @@
 
 from typing import Any
 
-import basix
+import basix.ufl
 import numpy as np
 from ffcx.codegeneration.backend import FFCXBackend
 from ffcx.codegeneration.C import integral_template
@@ -17,7 +17,9 @@ from forms.simd.formatter import Formatter
 # The loop takes its addresses as ``custom_data``, an array of 64-bit integers in this order:
 # number of cells, number of batches with wide loads (forms/simd/nodes.py), coordinates, their dofs,
 # dofs of the test function, then values and dofs of each coefficient, then the values of each
-# constant. Dofs are numbers of first entries, uint32 ``[batch][dof][lane]``.
+# constant, and last whether history is written. Dofs are numbers of first entries, uint32
+# ``[batch][dof][lane]``. History is no array of dofs but a table of its own, of the type that is
+# computed with, ``[batch][entry][lane]``: read, and written in place, without a gather.
 LOOP = """
 static inline void cell_{name}(vec *restrict A, const vec *restrict w, const real *restrict c,
                                const vec *restrict coordinate_dofs)
@@ -41,11 +43,11 @@ static void tabulate_tensor_{name}(real *restrict values, const real *restrict w
   for (int64_t b = 0; b < batches; ++b)
   {{
     const int wide = b < data[1];
-    vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{size}];
+    vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{entries}];
     gather(coordinate_dofs, x, (const uint32_t *)data[3] + b * {coordinates} / 3 * LANES,
            {coordinates} / 3, 3, wide, {relative});
 {gathers}
-    for (int i = 0; i < {size}; ++i)
+    for (int i = 0; i < {entries}; ++i)
       A[i] = splat(0);
     cell_{name}(A, w, c, coordinate_dofs);
     const uint32_t *rows = (const uint32_t *)data[4] + b * {size} / {block} * LANES;
@@ -53,6 +55,7 @@ static void tabulate_tensor_{name}(real *restrict values, const real *restrict w
       scatter(out, A, rows, {size} / {block}, {block}, LANES);
     else
       scatter(out, A, rows, {size} / {block}, {block}, (int)(data[0] - b * LANES));
+{stores}
   }}
 }}
 
@@ -71,6 +74,13 @@ GATHER = """    gather(w + {offset}, (const stored *)data[{data}],
            (const uint32_t *)data[{data} + 1] + b * {count} * LANES, {count}, {block}, wide,
            {relative});"""
 
+LOAD = """    for (int k = 0; k < {count}; ++k)
+      w[{offset} + k] = ((const loose *)data[{data}])[b * {count} + k];"""
+
+STORE = """    if (data[{flag}])
+      for (int k = 0; k < {count}; ++k)
+        ((loose *)data[{data}])[b * {count} + k] = A[{size} + k];"""
+
 FIRST_COEFFICIENT = 5  # position of the first coefficient among the addresses
 
 
@@ -84,25 +94,32 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
     if expression.integral_type != "cell" or len(expression.tensor_shape) != 1:
         raise NotImplementedError("forms.simd: expected cell integrals of rank 1")
     name = f"{expression.name}_{domain.name}"
+    element = _argument_element(ir)
+    size, block = (element.dim, element.block_size)
+    if options.get("history") and element.num_sub_elements > 1 and block == 1:
+        size, block = (element.sub_elements[0].dim, element.sub_elements[0].block_size)
     backend = FFCXBackend(ir, options)
     backend.definitions = Definitions(backend, options)
-    kernel = Formatter(options["scalar_type"])(Generator(ir, backend).generate(domain))
+    kernel = Formatter(options["scalar_type"])(Generator(ir, backend, size).generate(domain))
     constants = expression.original_constant_offsets
     shifts = differences(ir) if np.dtype(options["scalar_type"]) == np.float32 else set()
     sizes = [int(np.prod(k.ufl_shape, dtype=int)) for k in constants]
+    first_constant = FIRST_COEFFICIENT + 2 * len(expression.coefficient_numbering)
     implementation = LOOP.format(
         name=name,
         kernel=kernel,
         constants=sum(sizes),
         constant_count=len(sizes),
         constant_sizes="{" + ", ".join(map(str, [*sizes, 0])) + "}",
-        first_constant=FIRST_COEFFICIENT + 2 * len(expression.coefficient_numbering),
+        first_constant=first_constant,
         coordinates=expression.number_coordinate_dofs,
         coefficients=sum(k.ufl_element().dim for k in expression.coefficient_offsets),
-        size=expression.tensor_shape[0],
-        block=_argument_block(ir),
+        size=size,
+        entries=element.dim,
+        block=block,
         relative=int(None in shifts),
-        gathers=_gathers(ir, shifts),
+        gathers=_gathers(ir, shifts, bool(options.get("history"))),
+        stores=_stores(ir, size, element.dim, first_constant + len(sizes)),
         enabled=f"enabled_{name}" if ir.enabled_coefficients else "NULL",
         enabled_init=_enabled(ir, name),
         dtype=np.dtype(options["scalar_type"]).name,
@@ -132,31 +149,56 @@ def differences(ir: IntegralIR) -> set[Any]:
     return {key for key, derived in used.items() if derived}
 
 
-def _gathers(ir: IntegralIR, shifts: set[Any]) -> str:
+def _gathers(ir: IntegralIR, shifts: set[Any], history: bool) -> str:
     """Return the calls that gather the coefficients which the integral uses."""
     numbers = ir.expression.coefficient_numbering
-    return "\n".join(
-        GATHER.format(
-            offset=offset,
-            data=FIRST_COEFFICIENT + 2 * numbers[k],
-            count=k.ufl_element().dim // k.ufl_element().block_size,
-            block=k.ufl_element().block_size,
-            relative=int(k in shifts),
+    lines = []
+    for k, offset in ir.expression.coefficient_offsets.items():
+        if not ir.enabled_coefficients[numbers[k]]:
+            continue
+        element = k.ufl_element()
+        data = FIRST_COEFFICIENT + 2 * numbers[k]
+        if history and is_history(element):
+            lines.append(LOAD.format(offset=offset, data=data, count=element.dim))
+            continue
+        lines.append(
+            GATHER.format(
+                offset=offset,
+                data=data,
+                count=element.dim // element.block_size,
+                block=element.block_size,
+                relative=int(k in shifts),
+            )
         )
-        for k, offset in ir.expression.coefficient_offsets.items()
-        if ir.enabled_coefficients[numbers[k]]
-    )
+    return "\n".join(lines)
 
 
-def _argument_block(ir: IntegralIR) -> int:
-    """Return the block size of the test function."""
+def _stores(ir: IntegralIR, size: int, entries: int, flag: int) -> str:
+    """Return the loop that writes the history back, if the test function has such entries."""
+    if size == entries:
+        return ""
+    numbers = ir.expression.coefficient_numbering
+    (number,) = {n for k, n in numbers.items() if is_history(k.ufl_element())}
+    data = FIRST_COEFFICIENT + 2 * number
+    return STORE.format(flag=flag, count=entries - size, data=data, size=size)
+
+
+def is_history(element: Any) -> bool:
+    """Return whether an element is one of values at quadrature points."""
+    while element.block_size > 1:
+        element = element.sub_elements[0]
+    return isinstance(element, basix.ufl._QuadratureElement)
+
+
+def _argument_element(ir: IntegralIR) -> Any:
+    """Return the element of the test function."""
     terminals = [
         mt.terminal
         for integrand in ir.expression.integrand.values()
         for mt in integrand["modified_arguments"]
     ]
-    (block,) = {t.ufl_element().block_size for t in terminals if isinstance(t, Argument)}
-    return int(block)
+    (element,) = {t.ufl_element() for t in terminals if isinstance(t, Argument)}
+    return element
 
 
 def _enabled(ir: IntegralIR, name: str) -> str:

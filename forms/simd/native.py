@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, jit
 
-from forms.simd.batches import batches, integral_cells, last_to_the_end
+from forms.simd.batches import Indices, batches, integral_cells, last_to_the_end
 from forms.simd.cache import NEEDED, CompilerError, compiling
 
 # Fast-math, but NaN and infinity keep their meaning: the guards look for them.
@@ -138,29 +138,19 @@ class NativeKernel:
         check(form, np.dtype(dtype))
         self.coefficients = form.coefficients()
         msh = form.ufl_domain().ufl_cargo()
-        host = host_of(msh.comm)
         self._stored = np.dtype(msh.geometry.x.dtype)
-        options = {"scalar_type": np.dtype(dtype).name, "language": "forms.simd"}
-        arguments = {
-            "cffi_extra_compile_args": host.flags(self._stored.name),
-            "cffi_libraries": ["m"],
-            "timeout": TIMEOUT,
-        }
-        with compiling(msh.comm, form, f"{options}{arguments}", TIMEOUT) as folder:
-            compiled, self._module, _ = jit.ffcx_jit(
-                msh.comm,
-                form,
-                form_compiler_options=options,
-                jit_options={**arguments, "cache_dir": folder},
-            )
+        compiled, self._module, lanes = compile_form(form, np.dtype(dtype))
         (argument,) = form.arguments()
         V = argument.ufl_function_space()
-        self._size = V.dofmap.bs * _length(V)
+        self._size = V.dofmap.bs * length(V)
         self._values = [f.x.array for f in self.coefficients]
         self._real = f"{CTYPES[np.dtype(dtype).name]} *"
-        lanes = host.vector_bytes // np.dtype(dtype).itemsize
         self._keep: list[Any] = []  # what the addresses point to
-        self._calls = self._prepare(form, compiled, f"tabulate_tensor_{np.dtype(dtype)}", lanes)
+        order = coefficient_order(compiled)
+        self._calls = [
+            (function, self._addresses(form, order, cells, lanes))
+            for function, cells in integrals(form, compiled, np.dtype(dtype))
+        ]
 
     def add(self, *arguments: Any) -> None:
         """Add this rank's cells to the last argument, the local array ``(n_local * bs,)``.
@@ -198,20 +188,6 @@ class NativeKernel:
             if given.ctypes.data != own.ctypes.data:
                 own[:] = given
 
-    def _prepare(self, form: Any, compiled: Any, name: str, lanes: int) -> list[tuple[Any, Any]]:
-        """Return each compiled integral with the addresses that it reads (forms/simd/integral)."""
-        integrals = [compiled.form_integrals[i] for i in range(compiled.form_integral_offsets[1])]
-        ids = [compiled.form_integral_ids[i] for i in range(len(integrals))]
-        cells: dict[Any, list[Any]] = {}  # dx((1, 2)) is one integral with two ids
-        for integral, own in zip(integrals, integral_cells(form, ids), strict=True):
-            cells.setdefault(getattr(integral, name), []).append(own)
-        positions = compiled.original_coefficient_positions
-        order = [positions[i] for i in range(compiled.num_coefficients)]
-        return [
-            (function, self._addresses(form, order, np.concatenate(parts), lanes))
-            for function, parts in cells.items()
-        ]
-
     def _addresses(self, form: Any, order: list[int], cells: Any, lanes: int) -> Any:
         """Return the addresses of one integral as C takes them."""
         geometry = form.ufl_domain().ufl_cargo().geometry
@@ -220,7 +196,7 @@ class NativeKernel:
         spaces += [self.coefficients[k].function_space for k in order]
         dofmaps = [geometry.dofmaps[0], *(V.dofmap.list for V in spaces)]
         sizes = [3, *(V.dofmap.bs for V in spaces)]
-        lengths = [len(geometry.x), *(_length(V) for V in spaces)]
+        lengths = [len(geometry.x), *(length(V) for V in spaces)]
         cells, wide = last_to_the_end(list(zip(dofmaps, lengths, strict=True)), cells, lanes)
         dofs = batches(list(zip(dofmaps, sizes, strict=True)), cells, lanes)
         arrays = [geometry.x, dofs[0], dofs[1]]
@@ -232,17 +208,71 @@ class NativeKernel:
         return self._module.ffi.cast("void *", data.ctypes.data)
 
 
-def _length(V: Any) -> int:
+def compile_form(
+    form: Any, dtype: np.dtype[Any], *, history: bool = False
+) -> tuple[Any, Any, int]:
+    """Return a form compiled for this machine, its module, and the number of lanes; collective.
+
+    Args:
+        form: UFL form of cell integrals.
+        dtype: Type that is computed with.
+        history: Coefficients at quadrature points are history (:mod:`forms.simd.memory`).
+
+    Raises:
+        CompilerError: if it cannot be compiled on this machine.
+    """
+    msh = form.ufl_domain().ufl_cargo()
+    host = host_of(msh.comm)
+    options: dict[str, Any] = {"scalar_type": dtype.name, "language": "forms.simd"}
+    if history:
+        options["history"] = True
+    arguments = {
+        "cffi_extra_compile_args": host.flags(np.dtype(msh.geometry.x.dtype).name),
+        "cffi_libraries": ["m"],
+        "timeout": TIMEOUT,
+    }
+    with compiling(msh.comm, form, f"{options}{arguments}", TIMEOUT) as folder:
+        compiled, module, _ = jit.ffcx_jit(
+            msh.comm,
+            form,
+            form_compiler_options=options,
+            jit_options={**arguments, "cache_dir": folder},
+        )
+    return compiled, module, host.vector_bytes // dtype.itemsize
+
+
+def integrals(form: Any, compiled: Any, dtype: np.dtype[Any]) -> list[tuple[Any, Indices]]:
+    """Return each compiled integral of a form with this rank's cells of it."""
+    name = f"tabulate_tensor_{dtype}"
+    found = [compiled.form_integrals[i] for i in range(compiled.form_integral_offsets[1])]
+    ids = [compiled.form_integral_ids[i] for i in range(len(found))]
+    cells: dict[Any, list[Any]] = {}  # dx((1, 2)) is one integral with two ids
+    for integral, own in zip(found, integral_cells(form, ids), strict=True):
+        cells.setdefault(getattr(integral, name), []).append(own)
+    return [(function, np.concatenate(parts)) for function, parts in cells.items()]
+
+
+def coefficient_order(compiled: Any) -> list[int]:
+    """Return the place in ``form.coefficients()`` of each coefficient of the compiled form."""
+    positions = compiled.original_coefficient_positions
+    return [positions[i] for i in range(compiled.num_coefficients)]
+
+
+def length(V: Any) -> int:
     """Return the number of dofs, each of block size, in an array of this rank."""
     return int(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts)
 
 
-def check(form: Any, dtype: np.dtype[Any]) -> None:
+def check(
+    form: Any, dtype: np.dtype[Any], *, spaces: list[Any] | None = None, history: Any = None
+) -> None:
     """Raise ``Unsupported`` for what the generated code does not cover.
 
     Args:
         form: UFL form.
         dtype: Type that is computed with.
+        spaces: DOLFINx spaces of the result; that of the test function if left out.
+        history: Coefficient of the history, if there is one.
     """
     arguments = form.arguments()
     if len(arguments) != 1:
@@ -260,10 +290,11 @@ def check(form: Any, dtype: np.dtype[Any]) -> None:
     for constant in form.constants():
         if constant.value.dtype != msh.geometry.x.dtype:
             raise Unsupported(f"constant: expected the mesh's type, got {constant.value.dtype}")
-    for f in form.coefficients():
+    given = [f for f in form.coefficients() if f is not history]
+    for f in given:
         if not isinstance(f, fem.Function) or f.x.array.dtype != msh.geometry.x.dtype:
             raise Unsupported(f"coefficient: expected a Function of the mesh's type, got {f!r}")
-    for f in [*arguments, *form.coefficients()]:
-        V = f.ufl_function_space()
+    results = [a.ufl_function_space() for a in arguments] if spaces is None else spaces
+    for V in [*results, *(f.ufl_function_space() for f in given)]:
         if V.mesh._cpp_object is not msh or V.element.needs_dof_transformations:
             raise Unsupported(f"space: expected the form's mesh and plain dofs, got {V!r}")
