@@ -120,13 +120,13 @@ class Generator(IntegralGenerator):
     Args:
         ir: FFCx's representation of the integral.
         backend: FFCx's backend with :class:`Definitions`.
-        size: Entries of the element vector; what the test function has beyond them are the values
-            of history at the quadrature points, which are stored, not summed.
+        size: Entries of the element vector, all if not given; what the test function has beyond
+            them are the values of history at the quadrature points, which are stored, not summed.
     """
 
-    def __init__(self, ir: Any, backend: Any, size: int) -> None:
+    def __init__(self, ir: Any, backend: Any, size: int | None = None) -> None:
         super().__init__(ir, backend)
-        self.size = size
+        self.size = ir.expression.tensor_shape[0] if size is None else size
 
     def generate_quadrature_loop(self, quadrature_rule: Any, domain: Any) -> list[Any]:
         """Return the loop over one quadrature rule with what goes before and after it."""
@@ -182,9 +182,13 @@ class Generator(IntegralGenerator):
             table = block.ma_data[0].tabledata
             index = block.factor_indices_comp_indices[0][0]
             above, below = _factors(nodes[index]["expression"])
-            for f in below:
+            common = [f for f in below if f in above]
+            for f in common:
                 above.remove(f)
-            value = reduce(mul, [self.get_var(rule, domain, f) for f in above], L.LiteralFloat(1.0))
+                below.remove(f)
+            factors = [self.get_var(rule, domain, f) for f in above]
+            factors += [L.LiteralFloat(1.0) / self.get_var(rule, domain, f) for f in below]
+            value = reduce(mul, factors, L.LiteralFloat(1.0))
             symbol, known = self.get_temp_symbol("new", (rule, index))
             variables += [] if known else [L.VariableDecl(symbol, value)]
             statements.append(L.Assign(A[table.block_size * point + table.offset], symbol))

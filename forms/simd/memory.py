@@ -93,7 +93,9 @@ class MemoryKernel:
         self._stored = np.dtype(form.ufl_domain().ufl_cargo().geometry.x.dtype)
         self._real = f"{CTYPES[real.name]} *"
         self._keep: list[Any] = []  # what the addresses point to
-        self._data = self._addresses(form, space, history, coefficient_order(compiled), cells, lanes)
+        self._data = self._addresses(
+            form, space, history, coefficient_order(compiled), cells, lanes
+        )
         if initial is not None:
             history.lay_out(self._cells, lanes, real, initial)
         if not np.array_equal(history.cells, self._cells):
@@ -156,4 +158,3 @@ def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     raw = np.empty(count + spare, dtype=dtype)
     start = -raw.ctypes.data % CACHE_LINE // dtype.itemsize
     return raw[start : start + count].reshape(shape)
-

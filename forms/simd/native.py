@@ -208,9 +208,7 @@ class NativeKernel:
         return self._module.ffi.cast("void *", data.ctypes.data)
 
 
-def compile_form(
-    form: Any, dtype: np.dtype[Any], *, history: bool = False
-) -> tuple[Any, Any, int]:
+def compile_form(form: Any, dtype: np.dtype[Any], *, history: bool = False) -> tuple[Any, Any, int]:
     """Return a form compiled for this machine, its module, and the number of lanes; collective.
 
     Args:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from workflow.model.cost import Cost, host_memory, size_in_words, time_in_words
-from workflow.scene.bodies import Isotropic
+from workflow.scene.bodies import Orthotropic
 from workflow.scene.mesh import Foreign, WheelRailMesh
 from workflow.scene.scene import Scene
 
@@ -81,7 +81,7 @@ def turns(scene: Scene) -> dict[str, float]:
 def _bodies(scene: Scene) -> Iterator[str]:
     for name, body in scene.bodies.items():
         m, key, coefficient = body.material, f"bodies.{name}", body.hourglass_coefficient
-        if isinstance(m, Isotropic) and m.poisson_ratio > 0.45:
+        if not isinstance(m, Orthotropic) and m.poisson_ratio > 0.45:
             if coefficient:
                 yield (
                     f"{key}: a hourglass_coefficient locks at poisson_ratio = {m.poisson_ratio}; "

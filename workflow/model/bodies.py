@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of a scene: materials, laws and forms, and the internal force made of them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from meshes.domain import Domain
 from workflow.model.geometry import cell_size
 from workflow.model.state import State
 from workflow.scene import Scene, SceneError
-from workflow.scene.bodies import LINEAR, Body
+from workflow.scene.bodies import FOLLOWING, MEMORY, Body
 
 
 class Bodies:
@@ -32,7 +32,8 @@ class Bodies:
         domain: The distributed mesh.
         dx: Volume measure with full quadrature and the region tags.
         materials: Elastic constants by body name.
-        laws: Material law by body name.
+        laws: Material law by body name; the elastic one where it has a memory.
+        memory_laws: Name of the law of each body whose material has a memory.
         density_factor: What mass scaling multiplies the density of each cell by, in inertia only;
             None without it.
     """
@@ -43,6 +44,7 @@ class Bodies:
         entries = scene.bodies.items()
         self.materials = {name: b.material.constants(b.stiffness_damping) for name, b in entries}
         self.laws = {name: law(body) for name, body in entries} | dict(laws or {})
+        self.memory_laws = {name: b.material.law for name, b in entries if b.material.law in MEMORY}
         self.density_factor: Any = None
 
     def tags(self, body: Body) -> tuple[int, ...]:
@@ -95,8 +97,23 @@ class Bodies:
         entries = self.scene.bodies.items()
         return {self.tags(body): self.inertial_density(name) for name, body in entries}
 
-    def internal_work(self, u: Any, w: Any, v: Any = None) -> Any:
-        """Return the form of the internal virtual work; damped if a velocity ``v`` is given."""
+    @property
+    def without_memory(self) -> list[str]:
+        """Names of the bodies whose stress follows from their strain alone."""
+        return [name for name in self.scene.bodies if name not in self.memory_laws]
+
+    def internal_work(
+        self, u: Any, w: Any, v: Any = None, *, names: Iterable[str] | None = None
+    ) -> Any:
+        """Return the form of the elastic virtual work; damped if a velocity ``v`` is given.
+
+        Args:
+            u: Displacement [m].
+            w: Test function.
+            v: Velocity [m/s].
+            names: Bodies that take part, all if not given.
+        """
+        entries = self.scene.bodies
         return sum(
             elements.internal_work(
                 body.element,
@@ -108,16 +125,16 @@ class Bodies:
                 v if body.stiffness_damping else None,
                 coefficient=body.hourglass_coefficient,
             )
-            for name, body in self.scene.bodies.items()
+            for name, body in ((n, entries[n]) for n in (entries if names is None else names))
         )
 
     def strain_energy(self, u: Any) -> Any:
-        """Return the form of the strain energy, without that of hourglass control."""
+        """Return the form of the strain energy, without hourglass control and laws with memory."""
         return sum(
             elements.strain_energy(
                 body.element, self.laws[name], u, self.materials[name], self.dx(self.tags(body))
             )
-            for name, body in self.scene.bodies.items()
+            for name, body in ((n, self.scene.bodies[n]) for n in self.without_memory)
         )
 
     def hourglass_energy(self, u: Any) -> Any:
@@ -284,13 +301,17 @@ class InternalForce:
 
 
 def law(body: Body) -> Law:
-    """Return the material law of a body; that of its kinematics for linear materials.
+    """Return the elastic law of a body; that of its kinematics for linear materials.
+
+    For a law with a memory it is the one that has the same stiffness before anything has yielded:
+    step bound, modes and statics go by it.
 
     Raises:
         SceneError: if the law is not in :data:`forms.elements.LAWS`.
     """
-    linear = body.material.law in LINEAR
-    name = body.kinematics if linear else body.material.law
+    name = body.kinematics if body.material.law in FOLLOWING else body.material.law
+    if body.material.law in MEMORY and body.element == "selective" and name != "small-strain":
+        name = "neo-hookean"
     if name not in LAWS:
         raise SceneError(f"material.law = {name!r}: expected one of {['hooke', *LAWS]}")
     return LAWS[name]

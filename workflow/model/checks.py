@@ -12,7 +12,7 @@ import numpy as np
 from meshes.hexmesh import HexMesh
 from workflow.model.advice import TURN, turns
 from workflow.model.cost import Cost, cost_of, extent_of, host_memory, size_in_words, wave_speed
-from workflow.scene.bodies import LINEAR
+from workflow.scene.bodies import FOLLOWING
 from workflow.scene.mesh import (
     BarMesh,
     BlocksMesh,
@@ -100,7 +100,7 @@ def _rotations(scene: Scene) -> Iterator[str]:
         body = scene.bodies[name]
         if angle > TURN and body.kinematics == "small-strain":
             law, strain = body.material.law, 1 - np.cos(min(angle, np.pi))
-            linear = law in LINEAR
+            linear = law in FOLLOWING
             wanted = "'total-lagrangian', as if left out" if linear else "a law made for rotation"
             yield (
                 f"bodies.{name}.kinematics = 'small-strain' with material.law = {law!r}: the body "

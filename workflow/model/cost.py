@@ -18,7 +18,7 @@ from meshes.hexmesh import HexMesh
 from meshes.quality import edge_lengths
 from meshes.spacing import graded_cells
 from workflow.model import geometry
-from workflow.scene.bodies import Body, Isotropic
+from workflow.scene.bodies import Body, Orthotropic
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
@@ -237,7 +237,7 @@ def bound_of(scene: Scene, edge: float) -> float:
 def wave_speed(body: Body) -> float:
     """Return the speed of pressure waves in a body, of an orthotropic one about [m/s]."""
     m = body.material
-    if not isinstance(m, Isotropic):
+    if isinstance(m, Orthotropic):
         return float((1.35 * max(m.youngs_moduli) / m.density) ** 0.5)
     nu = m.poisson_ratio
     stiff = m.youngs_modulus * (1 - nu) / ((1 + nu) * (1 - 2 * nu))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Model of a scene: mesh, mass, items that act in a step, supports, and the step."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -75,9 +75,9 @@ class Model:
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
-    def internal(self) -> InternalForce:
-        """The internal force of all bodies."""
-        return next(item for item in self.items if isinstance(item, InternalForce))
+    def internal(self) -> InternalForce | None:
+        """The internal force of the bodies without memory, None if all have one."""
+        return next((item for item in self.items if isinstance(item, InternalForce)), None)
 
     @property
     def connections(self) -> Connections | None:
@@ -131,7 +131,7 @@ def build(
         for make in items:
             model.items.append(make(model))
     model.own_laws = names_of_own(laws, friction, items)
-    if reason := model.internal.kernel.engine.reason:
+    if model.internal is not None and (reason := model.internal.kernel.engine.reason):
         log(f"internal force assembled by DOLFINx, several times slower: {reason}")
     log(
         f"step {model.dt * 1e9:.1f} ns, {model.dt / model.dt_bound:.2f} of the bound "
@@ -213,10 +213,25 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     return model
 
 
-def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
-    """Yield the internal force of all bodies and, if a body has it, that of bulk viscosity."""
+def internal_forces(bodies: Bodies, state: State) -> Iterator[Any]:
+    """Yield the internal force of the bodies, that of each with a memory, and bulk viscosity."""
     u, v, w = state.u, state.v, ufl.TestFunction(bodies.domain.V)
     V, precision = bodies.domain.V, bodies.scene.time.precision
+    if bodies.without_memory:
+        yield elastic_force(bodies, state)
+    if bodies.memory_laws:
+        from workflow.model.memory import MemoryForce
+
+        for name in bodies.memory_laws:
+            yield MemoryForce(bodies, name, u, precision)
+    if (viscous := bodies.viscous_work(u, v, w)) is not None:
+        yield InternalForce(-viscous, V, precision, damped=True, stored={})
+
+
+def elastic_force(bodies: Bodies, state: State) -> InternalForce:
+    """Return the internal force of the bodies without memory."""
+    u, v, w = state.u, state.v, ufl.TestFunction(bodies.domain.V)
+    V, names, precision = bodies.domain.V, bodies.without_memory, bodies.scene.time.precision
     stored = {"internal": bodies.strain_energy(u)}
     if (control := bodies.hourglass_energy(u)) is not None:
         stored["hourglass"] = control
@@ -224,8 +239,8 @@ def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
     single = precision == "float32"
     frames = bodies.turning_frames() if single else None
     seen = (u, v) if frames is None else (frames.relative, frames.velocity)
-    yield InternalForce(
-        -bodies.internal_work(seen[0], w, seen[1]),
+    return InternalForce(
+        -bodies.internal_work(seen[0], w, seen[1], names=names),
         V,
         precision,
         damped=damped,
@@ -233,8 +248,6 @@ def internal_forces(bodies: Bodies, state: State) -> Iterable[InternalForce]:
         frames=frames,
         at_rest=-bodies.internal_work(u, w) if single else None,
     )
-    if (viscous := bodies.viscous_work(u, v, w)) is not None:
-        yield InternalForce(-viscous, V, precision, damped=True, stored={})
 
 
 def attach(

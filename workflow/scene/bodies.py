@@ -12,6 +12,7 @@ from workflow.scene.units import (
     Delay,
     Density,
     Factor,
+    Hardening,
     Modulus,
     Rate,
     Ratio,
@@ -20,7 +21,9 @@ from workflow.scene.units import (
     Speed,
 )
 
-LINEAR = ("hooke", "orthotropic")  # laws that follow the kinematics of their body
+LINEAR = ("hooke", "orthotropic")
+MEMORY = ("j2",)  # laws with a memory
+FOLLOWING = (*LINEAR, *MEMORY)  # laws that follow the kinematics of their body
 
 Axis = tuple[Component, Component, Component]
 
@@ -34,7 +37,7 @@ def _known(law: str) -> str:
         from forms.elements import LAWS
 
         if law not in LAWS:
-            names = ", ".join(repr(name) for name in ("hooke", *LAWS, "orthotropic"))
+            names = ", ".join(repr(name) for name in ("hooke", *LAWS, "orthotropic", *MEMORY))
             raise PydanticCustomError("material_law", "one of {names}", {"names": names})
     return law
 
@@ -46,6 +49,8 @@ def fit(law: str, kinematics: str) -> tuple[str, bool]:
         law: Name of the law.
         kinematics: That of the body, which Hooke's law follows.
     """
+    if law in MEMORY:
+        return kinematics, True
     if law in LINEAR:
         return kinematics, law == "hooke" and kinematics == "small-strain"
     if law == "neo-hookean":
@@ -74,6 +79,55 @@ class Isotropic(Section):
         return Elastic(self.youngs_modulus, self.poisson_ratio, self.density, damping)
 
 
+class BackStress(Section):
+    """A back stress after Armstrong and Frederick, ``2/3 modulus ε̇_p − recall X ṗ``.
+
+    It grows to ``modulus / recall``; without recall its hardening is linear.
+    """
+
+    modulus: Modulus
+    recall: Share = 0.0
+
+
+class ElastoPlastic(Section):
+    """Isotropic steel that yields: J2 plasticity with isotropic and kinematic hardening.
+
+    The flow stress is ``yield_stress + hardening_modulus p + saturation_stress (1 − exp(−
+    saturation_rate p))`` of the equivalent plastic strain p; ``back_stresses`` move the yield
+    surface (Chaboche). Small or large strain, as the body's kinematics say.
+    """
+
+    law: Literal["j2"]
+    youngs_modulus: Modulus
+    poisson_ratio: Ratio
+    density: Density
+    yield_stress: Modulus
+    hardening_modulus: Hardening = 0.0
+    saturation_stress: Hardening = 0.0
+    saturation_rate: Share = 0.0
+    back_stresses: tuple[BackStress, ...] = ()
+
+    def constants(self, damping: float = 0.0) -> Any:
+        """Return the constants as the forms take them.
+
+        Raises:
+            ValueError: if they are those of no steel (:class:`forms.plasticity.ElastoPlastic`).
+        """
+        from forms import plasticity
+
+        return plasticity.ElastoPlastic(
+            self.youngs_modulus,
+            self.poisson_ratio,
+            self.density,
+            damping,
+            self.yield_stress,
+            self.hardening_modulus,
+            self.saturation_stress,
+            self.saturation_rate,
+            tuple(plasticity.BackStress(b.modulus, b.recall) for b in self.back_stresses),
+        )
+
+
 class Orthotropic(Section):
     """Linear material with three planes of symmetry; pairs of axes in the order 12, 13, 23."""
 
@@ -97,13 +151,16 @@ class Orthotropic(Section):
 
 
 def law_of(material: Any) -> str:
-    """Return which table of a material is meant, ``orthotropic`` or ``isotropic``."""
+    """Return which table of a material is meant: ``isotropic``, ``orthotropic`` or ``j2``."""
     get = material.get if isinstance(material, dict) else partial(getattr, material)
-    return "orthotropic" if get("law", "hooke") == "orthotropic" else "isotropic"
+    law = get("law", "hooke")
+    return str(law) if law in ("orthotropic", *MEMORY) else "isotropic"
 
 
 Material = Annotated[
-    Annotated[Isotropic, Tag("isotropic")] | Annotated[Orthotropic, Tag("orthotropic")],
+    Annotated[Isotropic, Tag("isotropic")]
+    | Annotated[Orthotropic, Tag("orthotropic")]
+    | Annotated[ElastoPlastic, Tag("j2")],
     Discriminator(law_of),
 ]
 

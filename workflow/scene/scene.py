@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, model_validator
 
 from workflow.scene import keys
-from workflow.scene.bodies import LINEAR, Body, fit
+from workflow.scene.bodies import FOLLOWING, MEMORY, Body, fit
 from workflow.scene.contacts import law_of
 from workflow.scene.mesh import (
     DRAWN,
@@ -161,7 +161,7 @@ class Scene(Section):
         """Yield a line for every key of a body that does not go with its others."""
         for name, body in self.bodies.items():
             key, law = f"bodies.{name}", body.material.law
-            if law == "orthotropic":
+            if law in ("orthotropic", *MEMORY):
                 try:
                     body.material.constants()
                 except ValueError as error:
@@ -172,13 +172,31 @@ class Scene(Section):
             if body.element == "selective" and not (splits and body.kinematics == expected):
                 yield (
                     f"{key}.element = 'selective': expected material.law = 'hooke' with kinematics "
-                    f"'small-strain', or 'neo-hookean', got {law!r} with {body.kinematics!r}"
+                    f"'small-strain', 'neo-hookean' or 'j2', got {law!r} with {body.kinematics!r}"
                 )
+            if law in MEMORY:
+                yield from self._unfit_memory(key, body)
             if body.hourglass_coefficient is not None and body.element != "one-point":
                 yield (
                     f"{key}.hourglass_coefficient: expected element = 'one-point', "
                     f"got {body.element!r}"
                 )
+
+    def _unfit_memory(self, key: str, body: Body) -> Iterator[str]:
+        """Yield a line for every key that does not go with a law that has a memory."""
+        law = body.material.law
+        if body.element == "one-point":
+            yield f"{key}.element = 'one-point': expected 'full' or 'selective' with law {law!r}"
+        if body.stiffness_damping:
+            yield (
+                f"{key}.stiffness_damping = {body.stiffness_damping:g}: expected 0 with law "
+                f"{law!r}; its flow dissipates, bulk_viscosity spreads shocks"
+            )
+        if self.time.precision != "float64":
+            yield (
+                f"time.precision = {self.time.precision!r}: expected 'float64' with law {law!r} "
+                f"of {key}"
+            )
 
     def _unfit_contacts(self) -> Iterator[str]:
         """Yield a line for every contact of a surface with itself."""
@@ -258,9 +276,9 @@ class Scene(Section):
 
 
 def turns(tables: Mapping[str, Any], body: str) -> bool:
-    """Tell whether the tables of a scene, unchecked, make a body with Hooke's law turn."""
+    """Tell whether unchecked tables of a scene make a body turn whose law lets it."""
     material = tables["bodies"][body].get("material")
-    if isinstance(material, Mapping) and material.get("law", "hooke") not in LINEAR:
+    if isinstance(material, Mapping) and material.get("law", "hooke") not in FOLLOWING:
         return False  # its law has kinematics of its own
     rolling, driven = tables.get("rolling"), tables.get("driven")
     if isinstance(rolling, Mapping) and rolling.get("body") == body and rolling.get("speed"):

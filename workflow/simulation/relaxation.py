@@ -60,7 +60,8 @@ def relax(problem: AtRest, mass: Array, tolerance: float, log: Log) -> int:
         if settings.mass_scaling and candidates != (found := searches(model)):
             heavy, candidates = mass + contact_mass(model), found
         if step and step % settings.check_interval == 0:
-            stored = sum(model.internal.stored().values())
+            parts = [item.stored() for item in model.items if hasattr(item, "stored")]
+            stored = sum(sum(part.values()) for part in parts)
             share, peak = peak / max(stored, 1e-300), 0.0
             size = np.sqrt(total(comm, force, force)) / problem.load_size()
             log(in_words(model, step, share, size, factor))
