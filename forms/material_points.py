@@ -7,6 +7,7 @@ import basix.ufl
 import numpy as np
 import ufl
 from ufl import dev, inner
+from ufl.classes import Zero
 
 from forms.cells import per_point
 from forms.memory import LargeStrain, Memory, MemoryLaw, SmallStrain
@@ -63,10 +64,12 @@ class Points:
         return MemoryKernel(form, self.space, self.history, start, self.dtype)
 
     def densities(self, u: Any) -> dict[str, Any]:
-        """Return the energy densities by term, in UFL [J/m³]."""
+        """Return the energy densities by term, in UFL, but for those that are zero [J/m³]."""
         strain, history = self.point.strain(ufl.grad(u), self.old)
         law = self.point.law
-        return law.energy(dev(strain) if self.shape else strain, history, self.point.material)
+        terms = law.energy(dev(strain) if self.shape else strain, history, self.point.material)
+        densities = {name: ufl.as_ufl(density) for name, density in terms.items()}
+        return {name: d for name, d in densities.items() if not isinstance(d, Zero)}
 
     def beyond(self, u: Any) -> Any:
         """Return how far the state is beyond what the law admits, in UFL; None in closed form [-].

@@ -29,6 +29,7 @@ SCENES = {
         "bodies.bar.bulk_viscosity": {},
     },
     "sliding-block": {"mesh.size": 5e-3, "mesh.base_size": 6e-3, "output.checkpoint_steps": 7},
+    "plastic-bar": {"mesh.size": 2.5e-3, "time.end": 2e-5, "output.checkpoint_steps": 7},
 }  # fmt: skip
 
 

@@ -351,6 +351,7 @@ LOAD = 7.69e6 * 0.04**2  # of hertz [N]
 SMALL = {  # scene: changes, and a force and a length to measure round-off by
     "bar-wave": ({}, 0.0, 0.0),
     "bar-impact": ({}, RHO * C * SPEED * WIDTH**2, 1e-6),
+    "plastic-bar": ({}, 597.9e6 * WIDTH**2, 1e-6),
     "two-bars": ({}, RHO * C * SPEED * WIDTH**2, 1e-6),
     "sliding-block": ({"equilibrium.tolerance": 1e-10}, NORMAL, 1e-7),
     "hertz": ({"equilibrium.tolerance": 1e-10, "mesh.size": 5e-4}, LOAD / 4, 1e-7),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Assumptions of closed forms, looked up in a scene: what acts on its bodies, what holds them."""
 
-from workflow.scene.bodies import Isotropic
+from workflow.scene.bodies import ElastoPlastic, Isotropic
 from workflow.scene.scene import Scene
 from workflow.scene.settings import Contact
 
@@ -30,6 +30,12 @@ def material(scene: Scene, region: str) -> Isotropic | None:
         if region in [name.lower() for name in body.regions]:
             return body.material if isinstance(body.material, Isotropic) else None
     return None
+
+
+def yielding(scene: Scene, region: str) -> ElastoPlastic | None:
+    """Return the material of a region if it yields, else None."""
+    own = scene.bodies[body_of(scene, region)].material
+    return own if isinstance(own, ElastoPlastic) else None
 
 
 def body_of(scene: Scene, region: str) -> str:

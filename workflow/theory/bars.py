@@ -21,6 +21,7 @@ from workflow.theory.assumptions import (
     only_contact,
     undamped,
     velocity,
+    yielding,
 )
 from workflow.theory.quantity import ENERGY, MOMENTUM, WAVES, Expected
 
@@ -108,6 +109,40 @@ def bar_on_wall(record: Record) -> Iterator[Expected]:
     (pair,) = record.checked.contacts
     deepest = float(record.history[f"{pair}_max_penetration"].max())
     yield Expected("largest penetration", "m", deepest, 0.0, WAVES)
+
+
+def yielding_bar_on_wall(record: Record) -> Iterator[Expected]:
+    """Answers for a bar that hits a rigid wall faster than it can bear elastically.
+
+    An elastic wave of the yield stress runs ahead of a plastic wave, whose speed is that of the
+    hardening slope: ``σ = Y + ρ c_p (v − Y / (ρ c))`` on the wall until the first reflection is
+    back. Assumes a free slender bar without Poisson's effect whose hardening is linear, and a wall
+    across its way (von Kármán and Duwez, J. Appl. Phys. 21, 1950, 987–994).
+    """
+    scene = record.checked
+    mesh, steel = scene.mesh, yielding(scene, "bar")
+    if not isinstance(mesh, BarMesh) or mesh.length < SLENDER * mesh.width or steel is None:
+        return
+    if not bare(scene) or not undamped(scene) or scene.supports or scene.loads or scene.driven:
+        return
+    speed, across, up = velocity(scene, "bar")
+    contact = only_contact(scene, "xmin" if speed < 0 else "xmax")
+    if not speed or across or up or contact is None or steel.saturation_stress:
+        return
+    gap = _gap(contact.target, mesh.length, speed)
+    if gap is None or any(b.recall for b in steel.back_stresses):
+        return
+    E, rho = steel.youngs_modulus, steel.density
+    hardening = steel.hardening_modulus + sum(b.modulus for b in steel.back_stresses)
+    c, plastic = np.sqrt(E / rho), np.sqrt(E * hardening / (E + hardening) / rho)
+    beyond = abs(speed) - steel.yield_stress / (rho * c)
+    if beyond <= 0:
+        return
+    stress = float(steel.yield_stress + rho * plastic * beyond)
+    hit = Impact(stress * mesh.width**2, 2 * mesh.length / c, gap / abs(speed), abs(speed), 0.0)
+    t, force, _ = readings.forces(record)
+    name = "stress on the wall, Y + ρ c_p (v − Y/(ρ c))"
+    yield from _plateau(t, force, hit, name, "Pa", mesh.width**2)
 
 
 def two_bars(record: Record) -> Iterator[Expected]:

@@ -37,10 +37,10 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
                 from workflow.theory.waves import held_bar
 
                 return (held_bar,)
-            from workflow.theory.bars import bar_on_wall
+            from workflow.theory.bars import bar_on_wall, yielding_bar_on_wall
             from workflow.theory.blocks import slip_weakening, stick_slip
 
-            return bar_on_wall, stick_slip, slip_weakening
+            return bar_on_wall, yielding_bar_on_wall, stick_slip, slip_weakening
         case BlocksMesh():
             from workflow.theory.bars import two_bars
             from workflow.theory.blocks import contact_patch, sliding_block
