@@ -87,7 +87,19 @@ def last_to_the_end(
         cells: Cells of the integral, shape ``(n,)``.
         lanes: Number of cells that are computed at once.
     """
+    last = _at_the_end(dofmaps, cells)
+    return np.concatenate([cells[~last], cells[last]]), int((~last).sum()) // lanes
+
+
+def batches_before_the_end(dofmaps: list[tuple[Indices, int]], cells: Indices, lanes: int) -> int:
+    """Return how many batches of cells in a given order come before the last dof of an array."""
+    last = _at_the_end(dofmaps, cells)
+    return (int(np.argmax(last)) if last.any() else len(cells)) // lanes
+
+
+def _at_the_end(dofmaps: list[tuple[Indices, int]], cells: Indices) -> npt.NDArray[np.bool_]:
+    """Return which cells have the last dof of an array."""
     last = np.zeros(len(cells), dtype=bool)
     for dofmap, number in dofmaps:
         last |= (dofmap[cells] == number - 1).any(axis=1)
-    return np.concatenate([cells[~last], cells[last]]), int((~last).sum()) // lanes
+    return last

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from forms.simd.batches import batches, last_to_the_end
+from forms.simd.batches import Indices, batches, batches_before_the_end, last_to_the_end
 from forms.simd.native import (
     CTYPES,
     check,
@@ -15,7 +15,7 @@ from forms.simd.native import (
     integrals,
     length,
 )
-from meshes.arrays import Array, Index
+from meshes.arrays import Array
 
 CACHE_LINE = 64  # byte
 
@@ -32,10 +32,10 @@ class History:
 
     def __init__(self, coefficient: Any, points: int, size: int) -> None:
         self.coefficient, self.points, self.size = coefficient, points, size
-        self.cells: Index = np.empty(0, dtype=np.int32)
+        self.cells: Indices = np.empty(0, dtype=np.int32)
         self.table: npt.NDArray[Any] = np.empty((0, points * size, 1))
 
-    def lay_out(self, cells: Index, lanes: int, dtype: npt.DTypeLike, initial: Array) -> None:
+    def lay_out(self, cells: Indices, lanes: int, dtype: npt.DTypeLike, initial: Array) -> None:
         """Make the table for the cells of a kernel, the same initial values everywhere."""
         self.cells = cells
         shape = (-(-len(cells) // lanes), self.points * self.size, lanes)
@@ -92,15 +92,20 @@ class MemoryKernel:
         self._size = space.dofmap.bs * length(space)
         self._stored = np.dtype(form.ufl_domain().ufl_cargo().geometry.x.dtype)
         self._real = f"{CTYPES[real.name]} *"
-        self._keep: list[Any] = []  # what the addresses point to
-        self._data = self._addresses(
-            form, space, history, coefficient_order(compiled), cells, lanes
-        )
-        if initial is not None:
-            history.lay_out(self._cells, lanes, real, initial)
-        if not np.array_equal(history.cells, self._cells):
-            raise ValueError("history: expected the cells of the kernel that laid it out")
+        self._used = [form.coefficients()[k] for k in coefficient_order(compiled)]
         self._history = history
+        tables = self._tables(form, space)
+        ends = [(dofmap, number) for dofmap, _, number in tables]
+        if initial is not None:
+            cells, wide = last_to_the_end(ends, cells, lanes)
+            history.lay_out(cells, lanes, real, initial)
+        elif not np.array_equal(np.sort(history.cells), np.sort(cells)):
+            raise ValueError("history: expected the cells of the kernel that laid it out")
+        else:
+            wide = batches_before_the_end(ends, history.cells, lanes)
+        dofs = batches([(d, size) for d, size, _ in tables], history.cells, lanes)
+        self._keep: list[Any] = []  # what the addresses point to
+        self._data = self._addresses(form, dofs, wide)
 
     def add(self, out: Array, *, renew: bool = False) -> None:
         """Add this rank's cells to ``out``, shape ``(n_local * bs,)``; renew the history if asked.
@@ -112,43 +117,39 @@ class MemoryKernel:
             raise ValueError(
                 f"out: expected {self._stored} ({self._size},), got {out.dtype} {out.shape}"
             )
-        if not len(self._cells):
+        if not len(self._history.cells):
             return
-        self._data[self._at] = self._history.table.ctypes.data
+        if self._at is not None:
+            self._data[self._at] = self._history.table.ctypes.data
         self._data[-1] = renew
         ffi, null = self._module.ffi, self._module.ffi.NULL
         address = ffi.cast(self._real, ffi.from_buffer(out, require_writable=True))
         data = ffi.cast("void *", self._data.ctypes.data)
         self._function(address, null, null, null, null, null, data)
 
-    def _addresses(
-        self, form: Any, space: Any, history: History, order: list[int], cells: Any, lanes: int
-    ) -> Any:
-        """Return the addresses as C takes them (forms/simd/integral)."""
+    def _tables(self, form: Any, space: Any) -> list[tuple[Any, int, int]]:
+        """Return dofs by cell, block size and number of dofs of all arrays but the history."""
         geometry = form.ufl_domain().ufl_cargo().geometry
-        used = [form.coefficients()[k] for k in order]
-        given = [f for f in used if f is not history.coefficient]
+        given = [f for f in self._used if f is not self._history.coefficient]
         spaces = [space, *(f.function_space for f in given)]
-        dofmaps = [geometry.dofmaps[0], *(V.dofmap.list for V in spaces)]
-        sizes = [3, *(V.dofmap.bs for V in spaces)]
-        lengths = [len(geometry.x), *(length(V) for V in spaces)]
-        cells, wide = last_to_the_end(list(zip(dofmaps, lengths, strict=True)), cells, lanes)
-        dofs = batches(list(zip(dofmaps, sizes, strict=True)), cells, lanes)
-        arrays = [geometry.x, dofs[0], dofs[1]]
-        addresses = [len(cells), wide, *(a.ctypes.data for a in arrays)]
-        own = iter(dofs[2:])
-        for f in used:
-            if f is history.coefficient:
-                self._at = len(addresses)
-                addresses += [0, 0]
+        tables = [(geometry.dofmaps[0], 3, len(geometry.x))]
+        return tables + [(V.dofmap.list, V.dofmap.bs, length(V)) for V in spaces]
+
+    def _addresses(self, form: Any, dofs: list[Any], wide: int) -> npt.NDArray[np.int64]:
+        """Return the addresses as C takes them (forms/simd/integral)."""
+        x, own = form.ufl_domain().ufl_cargo().geometry.x, iter(dofs[2:])
+        arrays: list[Any] = [x, dofs[0], dofs[1]]
+        self._at: int | None = None  # where the address of the history stands
+        for f in self._used:
+            if f is self._history.coefficient:
+                self._at = 2 + len(arrays)
+                arrays += [None, None]
             else:
                 arrays += [f.x.array, next(own)]
-                addresses += [a.ctypes.data for a in arrays[-2:]]
-        constants = [constant.value for constant in form.constants()]
-        self._keep += [*arrays, *constants]
-        self._cells: Index = cells
-        addresses += [c.ctypes.data for c in constants]
-        return np.array([*addresses, 0], dtype=np.int64)
+        arrays += [constant.value for constant in form.constants()]
+        self._keep += arrays
+        addresses = [0 if a is None else a.ctypes.data for a in arrays]
+        return np.array([len(self._history.cells), wide, *addresses, 0], dtype=np.int64)
 
 
 def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:

@@ -110,3 +110,25 @@ def test_a_law_that_finds_no_state_stops_the_run_with_its_place(tmp_path, monkey
         run(scene, tmp_path / "run", quiet=True)
     with h5py.File(tmp_path / "run" / "results.h5") as file:
         assert len(file["history/t"]) >= 1
+
+
+@pytest.mark.mpi
+def test_row_36_fields_and_history_of_what_yielded(command, run_scene, tmp_path):
+    """Plastic strain by cell, its largest in the history, on 1 and 2 ranks alike."""
+    keys = {"mesh.size": 2.5e-3, "time.end": 1e-5}
+    serial, ranks = run_scene("plastic-bar", **keys), tmp_path / "two"
+    words = [w for key, value in keys.items() for w in ("--set", f"{key}={value}")]
+    command("run", "plastic-bar", "--out", ranks, "--ranks", 2, *words)
+    found = []
+    for folder in (serial, ranks):
+        with h5py.File(folder / "fields.vtkhdf") as file, h5py.File(folder / "results.h5") as h5:
+            strain = file["VTKHDF/CellData/equivalent_plastic_strain"][:]
+            steps = int(file["VTKHDF/Steps"].attrs["NSteps"])
+            largest = h5["history/bar_largest_plastic_strain"][:]
+        cells = len(strain) // steps
+        assert cells == 160 and steps == len(largest) == 11
+        last = strain.reshape(steps, cells)[-1]
+        assert 0.9 * largest[-1] < last.max() <= largest[-1] * (1 + 1e-6)
+        assert (last == 0).sum() > cells / 2  # the plastic wave has not come far
+        found.append(strain)
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-6 * found[0].max())

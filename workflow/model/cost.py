@@ -18,7 +18,7 @@ from meshes.hexmesh import HexMesh
 from meshes.quality import edge_lengths
 from meshes.spacing import graded_cells
 from workflow.model import geometry
-from workflow.scene.bodies import Body, Orthotropic
+from workflow.scene.bodies import MEMORY, Body, Orthotropic
 from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
 from workflow.scene.scene import Scene, SceneError
 
@@ -153,11 +153,15 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
 
 
 def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
-    """Return what results and fields take [bytes]; fields are two vectors of single precision."""
-    fields = nodes * (100.0 + 24.0 * outputs) if scene.output.fields else 0.0
+    """Return what results and fields take [bytes]; fields are two vectors of single precision.
+
+    Where steel yields, the plastic strain of each cell besides; there are about as many as nodes.
+    """
+    yields = any(body.material.law in MEMORY for body in scene.bodies.values())
+    fields = nodes * (100.0 + (28.0 if yields else 24.0) * outputs) if scene.output.fields else 0.0
     records = RECORD * outputs * (1 + len(scene.contacts))
     channels = 8 + 24 * len(scene.probes) + 48 * len(scene.contacts)
-    checkpoint = 400.0 * nodes if scene.output.checkpoint_minutes else 0.0
+    checkpoint = (900.0 if yields else 400.0) * nodes if scene.output.checkpoint_minutes else 0.0
     return 2e5 + fields + records + checkpoint + float(samples) * channels
 
 

@@ -14,7 +14,7 @@ from forms.cells import one_point
 from forms.dilatation import dilatation, dilatation_energy
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
-from forms.plasticity import MEMORY_LAWS
+from forms.plasticity import EQUIVALENT, MEMORY_LAWS
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.state import State
@@ -39,6 +39,7 @@ class MemoryForce:
     """
 
     phase = "internal_force"
+    cell_fields: tuple[str, ...]
 
     def __init__(self, bodies: Bodies, name: str, u: Any, precision: str) -> None:
         body, material = bodies.scene.bodies[name], bodies.materials[name]
@@ -51,6 +52,7 @@ class MemoryForce:
             law, material, domain.V, dx, rotating=rotating, shape=split, dtype=precision
         )
         self.kernel = self.points.force(u)
+        self.cell_fields = (EQUIVALENT,) if EQUIVALENT in self.points.variables else ()
         self._cells = domain.msh.topology.original_cell_index[self.points.history.cells]
         Q = fem.functionspace(domain.msh, ("DG", 0))
         self._sums = np.zeros(Q.dofmap.index_map.size_local + Q.dofmap.index_map.num_ghosts)
@@ -123,6 +125,25 @@ class MemoryForce:
         self._sums[:] = 0.0
         kernel.add(self._sums)
         return float(self._sums.sum())
+
+    def columns(self) -> dict[str, float]:
+        """Return the columns of the history: the largest plastic strain so far; collective [-]."""
+        if not self.cell_fields:
+            return {}
+        own = float(self.points.values()[EQUIVALENT].max(initial=0.0))
+        return {f"{self.name}_largest_plastic_strain": self.comm.allreduce(own, op=MPI.MAX)}
+
+    def cell_means(self, name: str) -> Array:
+        """Return the mean over the points of a history variable, by cell of the mesh; collective.
+
+        On rank 0; zero in cells of other bodies.
+        """
+        own = self.points.values()[name].mean(axis=(1, 2))
+        parts = self.comm.gather((self._cells, own))
+        out = np.zeros(len(self.domain.source.cells) if parts else 0)
+        for cells, values in parts or ():
+            out[cells] = values
+        return out
 
     def memory(self) -> dict[str, Array]:
         """Return the history by cell of the mesh, on rank 0; collective."""

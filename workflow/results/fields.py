@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """``fields.vtkhdf``: displacement and velocity of the whole mesh over time, for ParaView.
 
+Cells have the values of what remembers: the equivalent plastic strain where steel may yield.
+
 The file is a temporal VTKHDF UnstructuredGrid written with h5py: ``dolfinx.io.vtkhdf`` holds one
 unnamed point field only.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +68,7 @@ class FieldWriter:
         t: float,
         displacement: npt.NDArray[np.floating],
         velocity: npt.NDArray[np.floating],
+        cells: Mapping[str, npt.NDArray[np.floating]] | None = None,
         *,
         wait: bool = False,
     ) -> None:
@@ -75,6 +78,7 @@ class FieldWriter:
             t: Time, later than the last output [s].
             displacement: Of each HexMesh node, shape ``(n, 3)`` [m].
             velocity: Of each HexMesh node, shape ``(n, 3)`` [m/s].
+            cells: Values of each HexMesh cell by name, the same names at every output.
             wait: It may be written with later ones, see :mod:`workflow.results.batch`.
 
         Raises:
@@ -86,7 +90,7 @@ class FieldWriter:
                 raise ValueError(f"{name}: expected {(self.nodes, 3)}, got {np.shape(array)}")
         if not t > self.last:
             raise ValueError(f"t: expected later than the last output at {self.last} s, got {t} s")
-        self.batch.add(list(self._step(t, values)))
+        self.batch.add(list(self._step(t, values, cells or {})))
         self.last, self.steps = t, self.steps + 1
         if not wait:
             self.flush()
@@ -99,7 +103,12 @@ class FieldWriter:
         """
         self.batch.flush()
 
-    def _step(self, t: float, values: dict[str, npt.NDArray[np.floating]]) -> Iterator[Item]:
+    def _step(
+        self,
+        t: float,
+        values: Mapping[str, npt.NDArray[np.floating]],
+        cells: Mapping[str, npt.NDArray[np.floating]],
+    ) -> Iterator[Item]:
         """Yield what makes an output; columns are made with the first.
 
         Not before: VTK refuses a file with steps but none written.
@@ -108,6 +117,10 @@ class FieldWriter:
             data = np.asarray(array, dtype=np.float32)
             yield _column(f"PointData/{name}", data, min(self.nodes, CHUNK))
             yield _column(f"Steps/PointDataOffsets/{name}", np.array([self.steps * self.nodes]))
+        for name, array in cells.items():
+            data = np.asarray(array, dtype=np.float32)
+            yield _column(f"CellData/{name}", data, min(len(data), CHUNK))
+            yield _column(f"Steps/CellDataOffsets/{name}", np.array([self.steps * len(data)]))
         yield _column("Steps/Values", np.array([t], dtype=np.float64))
         yield _column("Steps/NumberOfParts", np.ones(1, dtype=np.int64))
         # where the step starts in the static mesh
@@ -130,7 +143,7 @@ class FieldWriter:
                 self.steps = k = int(np.searchsorted(times, t, side="right"))
                 self.last = float(times[k - 1]) if k else -np.inf
                 root["Steps"].attrs["NSteps"] = k
-                _resize(root, k, self.nodes)
+                _resize(root, k, self.nodes, len(root["Types"]))
 
 
 def write_mesh(root: h5py.Group, mesh: HexMesh) -> None:
@@ -154,10 +167,12 @@ def _column(name: str, values: npt.NDArray[Any], chunk: int = ROWS) -> Item:
     return Item(f"VTKHDF/{name}", values, {}, chunk)
 
 
-def _resize(root: h5py.Group, steps: int, nodes: int) -> None:
+def _resize(root: h5py.Group, steps: int, nodes: int, cells: int) -> None:
     """Give every growing dataset the length for ``steps`` time steps."""
     for name in FIELDS:
         root["PointData"][name].resize(steps * nodes, axis=0)
+    for name in root["CellData"].keys() - {"region"}:
+        root["CellData"][name].resize(steps * cells, axis=0)
     root["Steps"].visititems(
         lambda _, item: item.resize(steps, axis=0) if isinstance(item, h5py.Dataset) else None
     )

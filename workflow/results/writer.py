@@ -22,7 +22,15 @@ from workflow.scene import Scene, SceneError
 if TYPE_CHECKING:
     from workflow.results.footprints import Touch
 
-UNITS = {"t": "s", "energy": "J", "force": "N", "penetration": "m", "area": "m^2", "error": "1"}
+UNITS = {
+    "t": "s",
+    "energy": "J",
+    "force": "N",
+    "penetration": "m",
+    "area": "m^2",
+    "error": "1",
+    "strain": "1",
+}
 
 
 class Results:
@@ -136,15 +144,29 @@ class Results:
         table, _, column = item.name.rpartition("/")
         return table not in self._tables or column in self._tables[table]
 
-    def append_fields(self, t: float, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> None:
-        """Add displacement and velocity (local arrays) of the whole mesh; they may wait too."""
+    def append_fields(
+        self,
+        t: float,
+        u: npt.NDArray[Any],
+        v: npt.NDArray[Any],
+        cells: Mapping[str, Callable[[], npt.NDArray[Any]]] | None = None,
+    ) -> None:
+        """Add the fields of the whole mesh; they may wait too. Collective.
+
+        Args:
+            t: Time [s].
+            u: Displacement, a local array [m].
+            v: Velocity, a local array [m/s].
+            cells: What returns the values of all cells on rank 0, by name; collective.
+        """
         if self.write_fields:
             displacement, velocity = self.domain.gather(u), self.domain.gather(v)
+            values = {name: gather() for name, gather in (cells or {}).items()}
             fields = self.fields
 
             def write() -> None:
                 if fields is not None:
-                    fields.append(t, displacement, velocity, wait=True)
+                    fields.append(t, displacement, velocity, values, wait=True)
 
             on_root(self.comm, self.folder, write)
 

@@ -3,6 +3,7 @@
 
 import traceback
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -37,9 +38,22 @@ def output(
         columns_of = contact_history(pair, contacts[name].foot)
         history |= {f"{name}_{key}": value for key, value in columns_of.items()}
     history |= reactions.columns(contacts)
+    for item in model.items:
+        history |= item.columns() if hasattr(item, "columns") else {}
     results.append(history, contacts)
-    results.append_fields(state.t, u, v)
+    results.append_fields(state.t, u, v, cell_fields(model))
     return history
+
+
+def cell_fields(model: Model) -> dict[str, Callable[[], Any]]:
+    """Return what gathers each field of cells, of all bodies with a memory together."""
+    items = [item for item in model.items if hasattr(item, "cell_means")]
+
+    def gather(name: str) -> Any:
+        return sum(item.cell_means(name) for item in items if name in item.cell_fields)
+
+    names = sorted({name for item in items for name in item.cell_fields})
+    return {name: partial(gather, name) for name in names}
 
 
 def answers(
