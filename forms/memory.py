@@ -162,12 +162,18 @@ class LargeStrain:
         growth = _exponential(flow)
         G = old[FLOW] + growth + dot(old[FLOW], growth)
         GS = S + dot(G, S)
-        return dot(Identity(3) + H, GS + dot(GS, G.T)), {FLOW: G, **new}
+        second = _symmetric(lambda i, j: GS[i, j] + sum(GS[i, k] * G[j, k] for k in range(3)))
+        return dot(Identity(3) + H, second), {FLOW: G, **new}
 
 
 def _product(A: Any, B: Any) -> Any:
     """Return the symmetric part of ``A B`` of symmetric tensors, which is all if they commute."""
-    entries = {(i, j): sum(A[i, k] * B[k, j] for k in range(3)) for i, j in VOIGT}
+    return _symmetric(lambda i, j: sum(A[i, k] * B[k, j] for k in range(3)))
+
+
+def _symmetric(entry: Callable[[int, int], Any]) -> Any:
+    """Return a symmetric tensor, of which only six entries are computed."""
+    entries = {key: entry(*key) for key in VOIGT}
     return as_matrix([[entries[min(i, j), max(i, j)] for j in range(3)] for i in range(3)])
 
 

@@ -132,3 +132,40 @@ def test_row_36_fields_and_history_of_what_yielded(command, run_scene, tmp_path)
         assert (last == 0).sum() > cells / 2  # the plastic wave has not come far
         found.append(strain)
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-6 * found[0].max())
+
+
+def test_own_law_with_a_memory_runs_as_the_built_in_one(run_scene, tmp_path):
+    """Linear hardening in ten lines of UFL, given from Python: the same history to round-off."""
+    import ufl
+
+    from forms.memory import MemoryLaw, Variable
+
+    Y, H = 500e6, 23.333333e9
+
+    def update(strain, old, steel):
+        trial = 2 * steel.mu * ufl.dev(strain - old["plastic_strain"])
+        size = ufl.sqrt(1.5 * ufl.inner(trial, trial) + 1e-9)
+        beyond = size - Y - H * old["p"]
+        dp = ufl.conditional(ufl.gt(beyond, 0), beyond / (3 * steel.mu + H), 0.0)
+        plastic = old["plastic_strain"] + 1.5 * dp / size * trial
+        return steel.stress(strain - plastic), {"plastic_strain": plastic, "p": old["p"] + dp}
+
+    def energy(strain, now, steel):
+        elastic = strain - now["plastic_strain"]
+        return {
+            "internal": ufl.inner(steel.stress(elastic), elastic) / 2,
+            "heat": Y * now["p"],
+            "hardening": H / 2 * now["p"] ** 2,
+        }
+
+    names = {"plastic_strain": Variable((3, 3), symmetric=True), "p": Variable()}
+    elastic = {"law": "hooke", "youngs_modulus": E, "poisson_ratio": 0.0, "density": RHO}
+    keys = {"mesh.size": 2.5e-3}
+    scene = Scene.load("plastic-bar", **keys, **{"bodies.bar.material": elastic})
+    law = MemoryLaw(lambda steel: names, update, energy)
+    run(scene, tmp_path / "own", quiet=True, laws={"bar": law})
+    built_in = run_scene("plastic-bar", **keys)
+    with h5py.File(built_in / "results.h5") as one, h5py.File(tmp_path / "own/results.h5") as two:
+        for name, other in (("plastic_dissipation", "heat"), ("internal", "internal")):
+            a, b = one[f"history/{name}"][:], two[f"history/{other}"][:]
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(a).max())

@@ -33,18 +33,26 @@ class Bodies:
         dx: Volume measure with full quadrature and the region tags.
         materials: Elastic constants by body name.
         laws: Material law by body name; the elastic one where it has a memory.
-        memory_laws: Name of the law of each body whose material has a memory.
+        memory_laws: Law of each body whose material has a memory: a name, or a
+            :class:`forms.memory.MemoryLaw`.
         density_factor: What mass scaling multiplies the density of each cell by, in inertia only;
             None without it.
     """
 
-    def __init__(self, scene: Scene, domain: Domain, laws: Mapping[str, Law] | None = None) -> None:
+    def __init__(self, scene: Scene, domain: Domain, laws: Mapping[str, Any] | None = None) -> None:
         self.scene, self.domain = scene, domain
         self.dx = full(domain.msh, domain.regions)
         entries = scene.bodies.items()
         self.materials = {name: b.material.constants(b.stiffness_damping) for name, b in entries}
-        self.laws = {name: law(body) for name, body in entries} | dict(laws or {})
-        self.memory_laws = {name: b.material.law for name, b in entries if b.material.law in MEMORY}
+        own = dict(laws or {})
+        remembering = {name: given for name, given in own.items() if not hasattr(given, "residual")}
+        elastic = {name: given for name, given in own.items() if name not in remembering}
+        self.laws = {name: law(body) for name, body in entries} | elastic
+        self.memory_laws: dict[str, Any] = {
+            name: b.material.law
+            for name, b in entries
+            if b.material.law in MEMORY and name not in elastic
+        } | remembering
         self.density_factor: Any = None
 
     def tags(self, body: Body) -> tuple[int, ...]:

@@ -47,7 +47,8 @@ class MemoryForce:
         self.name, self.domain, self.comm = name, domain, domain.msh.comm
         rotating = body.kinematics == "total-lagrangian"
         split = body.element == "selective"
-        law = MEMORY_LAWS[bodies.memory_laws[name]]
+        given = bodies.memory_laws[name]
+        law = MEMORY_LAWS[given] if isinstance(given, str) else given
         self.points = Points(
             law, material, domain.V, dx, rotating=rotating, shape=split, dtype=precision
         )

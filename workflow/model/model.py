@@ -32,6 +32,7 @@ from workflow.scene.mesh import Foreign
 if TYPE_CHECKING:
     from contact import ContactPair
     from contact.friction import Law as FrictionLaw
+    from forms.memory import MemoryLaw
     from workflow.model.mass_scaling import AddedMass
 
 Log = Callable[[str], Any]
@@ -95,7 +96,7 @@ def build(
     comm: MPI.Comm = MPI.COMM_WORLD,
     log: Log = lambda line: None,
     phase: Callable[[str], AbstractContextManager[Any]] = nullcontext,
-    laws: Mapping[str, Law] | None = None,
+    laws: "Mapping[str, Law | MemoryLaw] | None" = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
     mesh: Callable[..., Any] | None = None,
@@ -107,7 +108,8 @@ def build(
         comm: Ranks that share it.
         log: Called with lines for the log.
         phase: Called with ``mesh`` and ``compile``: a context that takes their time.
-        laws: Material laws of your own by body name, in place of the scene's.
+        laws: Material laws of your own by body name, in place of the scene's; those with a memory
+            (:class:`forms.memory.MemoryLaw`) too.
         friction: Friction laws of your own by contact name, in place of the scene's.
         items: What acts besides, of your own: each is called with the model and returns an item.
         mesh: Builds a model of gmsh from ``mesh.parameters``, called on one rank.
@@ -169,7 +171,7 @@ def names_of_own(
 
 def name_of(law: Any) -> str:
     """Return module and name of a law or item that was given from Python."""
-    law = getattr(law, "residual", law)
+    law = getattr(law, "residual", getattr(law, "update", law))
     named = law if hasattr(law, "__qualname__") else type(law)
     return f"{named.__module__}.{named.__qualname__}"
 

@@ -35,6 +35,7 @@ from workflow.simulation.threads import one_per_rank
 
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
+    from forms.memory import MemoryLaw
     from workflow.simulation.sampling import Sampling
 
 Log = Callable[[str], Any]
@@ -63,7 +64,7 @@ def run(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     watch: Callable[[Model], None] | None = None,
-    laws: Mapping[str, Law] | None = None,
+    laws: "Mapping[str, Law | MemoryLaw] | None" = None,
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
     mesh: Callable[..., Any] | None = None,
