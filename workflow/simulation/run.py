@@ -183,7 +183,7 @@ def concluded(job: Job) -> Iterator[None]:
     if isinstance(failure, RuntimeError | MemoryError) and not isinstance(failure, GuardError):
         # no room for results; a node went through, or is nowhere
         told = str(failure) or "out of memory"
-        raise GuardError(f"{told} (step {model.state.step})") from failure
+        raise GuardError(f"step {model.state.step}: {told}") from failure
     if failure is not None:
         raise failure
 
