@@ -46,13 +46,15 @@ def validate(
     """
     checked = load(scene, changes)
     from workflow.model.advice import doubts
+    from workflow.model.apart import check_contacts
     from workflow.model.checks import check, check_room
     from workflow.model.geometry import read_mesh, readings
 
-    cost = check(checked, read_mesh(checked, progress()))
+    mesh = read_mesh(checked, progress())
+    cost = check(checked, mesh)
     told = list(readings(checked.mesh)) if checked.mesh.kind == "wheel-on-rail" else []
     room = check_room(checked, cost, out or Path("runs") / checked.name)
-    doubtful = [*doubts(checked, cost), *room]
+    doubtful = [*doubts(checked, cost), *room, *check_contacts(checked, cost, mesh)]
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
     found |= {"profiles": told} if told else {}
     lines = [f"{checked.name}: valid", *told, f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
