@@ -172,7 +172,7 @@ def test_costly_settings_are_doubted(case):
 
 
 def test_a_thick_flange_is_told_how_to_stand():
-    """Wheels 10 mm farther apart leave about 1 mm at no shift: 2.7 mm is refused, and what to do told.
+    """Wheels 10 mm farther apart leave about 1 mm at no shift: 2.7 mm is refused with a remedy.
 
     Moved 2 mm back the wheel stands where it was asked for.
     """
