@@ -2,7 +2,7 @@
 """Contact surfaces as flat arrays, from tagged facets of a DOLFINx domain."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,6 +100,31 @@ def foundation(
     return np.asarray(modulus * area / cell_volumes(mesh.points, mesh.cells[cell]))
 
 
+def meshed(mesh: "HexMesh", tags: int | Iterable[int], *, name: str | None = None) -> Surface:
+    """Return the surface of a mesh that no rank has yet: masses are 1 kg, no node is this rank's.
+
+    Args:
+        mesh: The mesh.
+        tags: One surface tag or several.
+        name: Name for messages; the tags if left out.
+
+    Raises:
+        ValueError: if no facet carries the tags or a facet is degenerate.
+    """
+    wanted = [int(t) for t in tags] if isinstance(tags, Iterable) else [int(tags)]
+    name = "+".join(str(t) for t in wanted) if name is None else name
+    quads = mesh.surface(*wanted)
+    if not len(quads):
+        known = sorted({int(t) for t in np.unique(mesh.surfaces)})
+        raise ValueError(f"surface {name}: no facets with tags {wanted}; the mesh has {known}")
+    nodes, facets = np.unique(quads, return_inverse=True)
+    local = facets.reshape(-1, 4).astype(np.int32)
+    points = np.ascontiguousarray(mesh.points[nodes], dtype=np.float64)
+    _check(name, nodes, points, local)
+    nowhere = np.full(len(nodes), -1, dtype=np.int32)
+    return Surface(name, nodes, points, local, np.ones(len(nodes)), nowhere)
+
+
 def surface(
     domain: "Domain",
     tags: int | Iterable[int],
@@ -121,34 +146,25 @@ def surface(
     Raises:
         ValueError: if no facet carries the tags, a facet is degenerate or a mass not positive.
     """
-    wanted = [int(t) for t in tags] if isinstance(tags, Iterable) else [int(tags)]
-    name = "+".join(str(t) for t in wanted) if name is None else name
-    mesh = domain.source
-    quads = mesh.surface(*wanted)
-    if not len(quads):
-        known = sorted({int(t) for t in np.unique(mesh.surfaces)})
-        raise ValueError(f"surface {name}: no facets with tags {wanted}; the mesh has {known}")
+    found = meshed(domain.source, tags, name=name)
     if mass.shape != domain.nodes.shape:
         raise ValueError(
             f"mass: expected one value per local node {domain.nodes.shape}, got {mass.shape}"
         )
-    nodes, facets = np.unique(quads, return_inverse=True)
-    local = facets.reshape(-1, 4).astype(np.int32)
-    points = np.ascontiguousarray(mesh.points[nodes], dtype=np.float64)
-    _check(name, nodes, points, local)
-    dofs = domain.local_dofs(nodes)
-    own = np.zeros(len(nodes))
+    dofs = domain.local_dofs(found.nodes)
+    own = np.zeros(len(found.nodes))
     own[dofs >= 0] = mass[dofs[dofs >= 0]]
     comm = domain.msh.comm
     everywhere = comm.allreduce(own) if comm.size > 1 else own
     if not (everywhere > 0.0).all():
         worst = int(np.argmin(everywhere))
         raise ValueError(
-            f"surface {name}: expected positive nodal masses, got {everywhere[worst]:.3e} kg "
-            f"at node {nodes[worst]}"
+            f"surface {found.name}: expected positive nodal masses, got {everywhere[worst]:.3e} kg "
+            f"at node {found.nodes[worst]}"
         )
-    stiff = None if bulk is None else foundation(mesh, quads, bulk, name)
-    return Surface(name, nodes, points, local, everywhere, dofs, stiff)
+    quads = found.nodes[found.facets]
+    stiff = None if bulk is None else foundation(domain.source, quads, bulk, found.name)
+    return replace(found, mass=everywhere, dofs=dofs, foundation=stiff)
 
 
 def rigid_plane(

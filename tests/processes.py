@@ -58,3 +58,12 @@ def at_work(folder: Path) -> list[int]:
         except OSError:  # it has just ended
             continue
     return found
+
+
+def alive(process: int) -> bool:
+    """Tell whether a process is there and is not just waiting to be buried."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"

@@ -217,7 +217,8 @@ def lateral_shift_for(
     if not gaps[1] <= flange_gap <= gaps[0]:
         raise ValueError(
             f"flange_gap: expected {gaps[1]:.2e} to {gaps[0]:.2e} m, which shifts of {reach[0]} to "
-            f"{reach[1]} m leave, got {flange_gap:.2e} m"
+            f"{reach[1]} m leave, got {flange_gap:.2e} m; a thicker flange, or wheels farther "
+            "apart, leave less"
         )
     return at(brentq(lambda shift: gap(shift) - flange_gap, *reach, xtol=1e-9))
 

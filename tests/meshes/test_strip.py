@@ -90,6 +90,16 @@ def test_arc_off_the_profile_is_refused_before_meshing(arc):
         check(Scene.load("flange-transition", **{"mesh.strip.rail": arc}))
 
 
+def test_strip_that_is_found_beyond_the_tread_is_refused_with_its_key(tmp_path):
+    """A flange cut off 12 mm above its foot: wheel and rail come close at its very end."""
+    wheel = s1002().at(np.linspace(0, s1002().length, 400))
+    wheel = wheel[(wheel[:, 0] > -0.0385) & (wheel[:, 1] < 0.020)]
+    np.savetxt(tmp_path / "cut.csv", wheel * 1e3)
+    scene = Scene.load("two-patches", **{"mesh.wheel_profile": str(tmp_path / "cut.csv")})
+    with pytest.raises(SceneError, match=r"^mesh\.strip\.wheel: expected a part of"):
+        check(scene)
+
+
 def test_scene_says_what_is_wrong_with_a_strip():
     with pytest.raises(SceneError, match=r"mesh\.strip\.size = 0\.0: expected"):
         Scene.load("flange-transition", **{"mesh.strip.size": 0.0})

@@ -37,6 +37,38 @@ main()
 """
 
 
+SIGNALLED = """
+import os, signal, threading, time
+from mpi4py import MPI
+from workflow.cli import main
+from workflow.simulation import run
+def build(*words):
+    if MPI.COMM_WORLD.rank:
+        MPI.COMM_WORLD.Barrier()
+    for later in {moments}:
+        threading.Timer(later, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    time.sleep(60)
+run.build = build
+main()
+"""
+
+
+@alone
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("moments", [(0.5, 0.6), (0.5, 2.5)])
+def test_a_signal_that_comes_twice_to_one_rank_ends_all(mpirun, tmp_path, moments):
+    """The other waits where no signal is seen. Sent twice at once, as launchers do, it is one; the
+    second of an impatient user ends all at once, without a traceback.
+    """
+    code, out = SIGNALLED.format(moments=moments), tmp_path / "out"
+    words = ("-c", code, "run", *WORDS, "--out", out)
+    done = mpirun(2, *words, timeout=60, check=False)
+    assert done.returncode == 130, done.stderr
+    assert "Traceback" not in done.stderr
+    assert ("rank 0: interrupted by SIGTERM" in done.stderr) == (moments[1] < 1)
+
+
 @alone
 @pytest.mark.mpi
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Runs that a signal ends in any phase: no process is left, and the rest comes out bit by bit."""
 
+import itertools
 import json
 import random
 import shutil
@@ -8,9 +9,10 @@ import signal
 import time
 
 import pytest
+from PIL import Image
 
 from tests.folders import assert_same
-from tests.processes import at_work, started, until
+from tests.processes import alive, at_work, below, started, until
 from workflow import Scene, run
 
 NAME = "sliding-block"
@@ -27,13 +29,23 @@ PHASES = {  # what there is in the folder, or in its log
     "stepping": ("run.log", "stepping:"),
     "output": ("run.log", "step 48 of 300"),
     "checkpoint": ("checkpoint", ""),
+    "figures": ("figures/*.png", ""),  # of a run that is done
 }
 FEW = [
-    ("TERM", 1, "stepping"), ("TERM", 2, "output"), ("INT", 1, "equilibrium"),
-    ("HUP", 2, "stepping"), ("KILL", 1, "mesh"), ("KILL", 2, "checkpoint"),
+    ("TERM", 1, "stepping", 0), ("TERM", 2, "output", 0), ("INT", 1, "equilibrium", 0),
+    ("HUP", 2, "stepping", 0), ("KILL", 1, "mesh", 0), ("KILL", 2, "checkpoint", 0),
+    ("KILL", 1, "figures", 0), ("INT", 1, "figures", 0),
 ]  # fmt: skip
 rng = random.Random(15)
-MANY = [(rng.choice(SIGNALS), rng.choice((1, 2)), rng.choice([*PHASES]), k) for k in range(50)]
+EVERY = list(itertools.product(SIGNALS, (1, 2), PHASES))
+MANY = [(*case, k) for k, case in enumerate(EVERY + rng.sample(EVERY, 2), 1)]  # 50 moments
+
+
+def cases(figures):
+    """Kills while a run is on, or while its figures are drawn: few, and with ``long`` many."""
+    found = [pytest.param(*c, marks=[pytest.mark.slow] * (c[1] > 1 or figures)) for c in FEW]
+    found += [pytest.param(*c, marks=[pytest.mark.long, pytest.mark.slow]) for c in MANY]
+    return [case for case in found if (case.values[2] == "figures") == figures]
 
 
 def words(ranks):
@@ -60,20 +72,24 @@ def whole(run_scene, shared, squealx):
 
 
 def reached(folder, phase):
-    """Tell whether a run has come to a phase."""
+    """Tell whether a command has come to a phase."""
     name, text = PHASES[phase]
-    path = folder / name
-    return path.exists() and (not text or text in path.read_text("utf-8"))
+    path = next(folder.glob(name), None)
+    return path is not None and (not text or text in path.read_text("utf-8"))
 
 
-def killed(folder, name, ranks, phase, seed):
-    """Exit code of a run that a signal ends in a phase, and its last words."""
-    process = started("run", *words(ranks), "--ranks", ranks, "--out", folder)
+def killed(command, folder, name, phase, seed):
+    """Exit code of a command that a signal ends in a phase, and its last words; nothing lives on.
+
+    The signal goes to the parent alone, some time after the phase has begun.
+    """
+    process = started(*command)
     until(lambda: reached(folder, phase) or process.poll() is not None)
     time.sleep(random.Random(seed).uniform(0.0, 0.3))
+    family = below(process.pid)
     process.send_signal(signal.Signals[f"SIG{name}"])
     _, said = process.communicate(timeout=60)
-    until(lambda: not at_work(folder), 30)
+    until(lambda: not at_work(folder) and not any(map(alive, family)), 30)
     return process.returncode, said
 
 
@@ -86,17 +102,14 @@ def goes_on(folder, ranks, squealx):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("name", "ranks", "phase", "seed"),
-    [pytest.param(*case, 0, marks=[pytest.mark.slow] * (case[1] > 1)) for case in FEW]
-    + [pytest.param(*case, marks=[pytest.mark.long, pytest.mark.slow]) for case in MANY],
-)
+@pytest.mark.parametrize(("name", "ranks", "phase", "seed"), cases(figures=False))
 def test_a_signal_loses_nothing(name, ranks, phase, seed, whole, squealx, tmp_path):
     """SIGTERM, SIGINT and SIGHUP exit with 130 and say how to go on, after a checkpoint if stepping
     had begun; SIGKILL of the parent alone ends its ranks as well. Resumed, all is as without.
     """
     folder = tmp_path / "cut"
-    code, said = killed(folder, name, ranks, phase, seed)
+    command = ("run", *words(ranks), "--ranks", ranks, "--out", folder)
+    code, said = killed(command, folder, name, phase, seed)
     if name == "KILL":
         assert code == -signal.SIGKILL
     else:
@@ -108,4 +121,21 @@ def test_a_signal_loses_nothing(name, ranks, phase, seed, whole, squealx, tmp_pa
         assert (folder / "checkpoint" / "state.npz").exists() and not (folder / ".lock").exists()
     goes_on(folder, ranks, squealx)
     assert_same(whole(ranks), folder)
+    shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(("name", "ranks", "phase", "seed"), cases(figures=True))
+def test_a_signal_spoils_no_figure(name, ranks, phase, seed, whole, command, tmp_path):
+    """Figures that are there when drawing ends are whole, results untouched; all can be drawn."""
+    folder = tmp_path / "drawn"
+    shutil.copytree(whole(ranks), folder)
+    code, said = killed(("figures", folder), folder, name, phase, seed)
+    assert code == (-signal.SIGKILL if name == "KILL" else 130), said
+    there = sorted((folder / "figures").glob("*.png"))
+    for path in there:
+        with Image.open(path) as picture:
+            picture.load()
+    assert_same(whole(ranks), folder)
+    done = command("figures", folder, "--json")
+    assert {*map(str, there)} < {*json.loads(done.stdout)["figures"]}
     shutil.rmtree(folder)

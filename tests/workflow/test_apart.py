@@ -2,6 +2,7 @@
 """Contact surfaces as meshed: overlap, far sides of skins, flush neighbours, coarse contactors."""
 
 import pytest
+import tomli_w
 
 from meshes.formats import read_write
 from meshes.hexmesh import join
@@ -152,3 +153,46 @@ def test_slip_waves_are_doubted_by_every_model():
     told = build(Scene.load("sliding-block", **sizes, **unlike)).doubts
     assert len(told) == 1 and "contacts.face.friction: the bodies carry slip waves" in told[0]
     assert build(Scene.load("sliding-block", **sizes)).doubts == []
+
+
+WALL = "{ origin = [0.6, 0.0, 0.0], normal = [1.0, 0.0, 0.0], half_width = 0.05 }"
+SAID = {
+    "behind a wall": (
+        "bar-impact",
+        {"contacts.wall.target": WALL},
+        (2, "contacts.wall: bodies overlap at the start by 6.000e-01 m"),
+    ),
+    "nodes in common": (
+        "contact-patch",
+        {"contacts.face.target": "xmin", "mesh.size": 5e-3, "mesh.base_size": 5e-3},
+        (2, "contacts.face: contactor and target share 5 nodes"),
+    ),
+    "target falls through": (
+        "contact-patch",
+        {"mesh.size": 0.01, "mesh.base_size": 1e-3, "mesh.base": [0.004, 0.004, 0.01]},
+        (2, "contacts.face.contactor: its nodes are 1.00e-02 m apart"),
+    ),
+    "coarse contactor": (
+        "contact-patch",
+        {"mesh.size": 5e-3},
+        (0, "doubt: contacts.face.contactor: cells of 5.00e-03 m on a target with cells of 2.86"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_validate_says_what_a_model_does(case, command):
+    """Shapes are meshed for it; nothing is compiled."""
+    name, change, (code, told) = SAID[case]
+    words = [w for key, value in change.items() for w in ("--set", f"{key}={value}")]
+    done = command("validate", name, *words, check=False)
+    assert done.returncode == code and told in done.stdout + done.stderr
+
+
+def test_validate_looks_into_a_mesh_file(command, tmp_path):
+    """A block 4 mm inside its base."""
+    depth, *boxes = OVERLAPS["inside"]
+    settings = tomli_w.dumps(scene(tmp_path, join(*boxes)).tables())
+    (tmp_path / "scene.toml").write_text(settings)
+    done = command("validate", tmp_path / "scene.toml", check=False)
+    assert done.returncode == 2 and f"bodies overlap at the start by {depth:.3e} m" in done.stderr

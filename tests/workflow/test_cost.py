@@ -3,6 +3,7 @@
 
 import json
 import re
+import shutil
 
 import pytest
 
@@ -111,3 +112,40 @@ def test_a_run_logs_what_it_expects_and_doubts(run_scene):
     starts = "cost: 20 cells, about ", "doubt: time.safety = 1.05: beyond", "mesh: 20 cells"
     order = [next(k for k, line in enumerate(lines) if text in line) for text in starts]
     assert order == sorted(order)
+
+
+@pytest.mark.parametrize("name", ["bar-impact", "sliding-block"])
+def test_disk_of_a_run(run_scene, name):
+    """Results, fields and checkpoint take what was estimated, to a factor of 2."""
+    change = {"mesh.size": 5e-3, "time.end": 4e-5}
+    folder = run_scene(name, **change)
+    sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+    estimate = costs.cost_of(Scene.load(name, **change)).disk
+    assert sum(sizes) / 2 < estimate < sum(sizes) * 2
+
+
+def test_room_is_that_of_the_disk_and_of_what_is_there(tmp_path):
+    """Free bytes of the disk of the folder that is there; a run that goes on has its results."""
+    free = shutil.disk_usage(tmp_path).free
+    assert costs.room_for(tmp_path / "a" / "b") == pytest.approx(free, rel=0.1)
+    (tmp_path / "a").mkdir()
+    with (tmp_path / "a" / "results.h5").open("wb") as file:
+        file.truncate(10**12)  # of holes
+    assert costs.room_for(tmp_path / "a") == pytest.approx(free + 10**12, rel=1e-2)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.4, "refused"), (0.9, "doubted"), (3.0, "")])
+def test_a_disk_with_little_room(command, monkeypatch, tmp_path, share, told):
+    """Room for 0.4 of the results: refused by validate and run with the key, before the mesh; for
+    0.9 doubted, the estimate is good to a factor of 2; for 3, nothing is said.
+    """
+    words = ("bar-impact", "--set", "mesh.size=5e-3", "--set", "time.end=4e-6")
+    need = json.loads(command("validate", *words, "--json").stdout)["cost"]["disk"]
+    monkeypatch.setattr("workflow.model.checks.room_for", lambda folder: share * need)
+    line = "time.output_interval = 1e-06: 5 outputs of 84 nodes take about .*room for"
+    for verb in ("validate", "run"):
+        done = command(verb, *words, "--out", tmp_path / verb, check=False)
+        assert done.returncode == (2 if told == "refused" else 0)
+        assert bool(re.search(line, done.stdout + done.stderr)) == bool(told)
+        assert ("mesh: " in done.stderr) == (verb == "run" and told != "refused")
+    assert (tmp_path / "run").exists() == (told != "refused")

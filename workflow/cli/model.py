@@ -31,19 +31,30 @@ verbs = typer.Typer()
         "squealx validate flange-transition --set rolling.angle_of_attack=0.03",
     )
 )
-def validate(scene: SceneName, changes: Changes = None, as_json: Json = False) -> None:
+def validate(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Where the results are to go, for room there; runs/NAME if left out."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """Check a scene before its run, as that does: an error names the key, what it got and expects.
 
     Says what a run would cost, and what is doubtful about it.
     """
     checked = load(scene, changes)
     from workflow.model.advice import doubts
-    from workflow.model.checks import check
+    from workflow.model.apart import check_contacts
+    from workflow.model.checks import check, check_room
     from workflow.model.geometry import read_mesh, readings
 
-    cost = check(checked, read_mesh(checked, progress()))
+    mesh = read_mesh(checked, progress())
+    cost = check(checked, mesh)
     told = list(readings(checked.mesh)) if checked.mesh.kind == "wheel-on-rail" else []
-    doubtful = list(doubts(checked, cost))
+    room = check_room(checked, cost, out or Path("runs") / checked.name)
+    doubtful = [*doubts(checked, cost), *room, *check_contacts(checked, cost, mesh)]
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
     found |= {"profiles": told} if told else {}
     lines = [f"{checked.name}: valid", *told, f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]

@@ -17,6 +17,7 @@ import typer
 
 from workflow.scene.scene import Scene, SceneError
 from workflow.scene.units import takes_text
+from workflow.simulation import interrupts
 from workflow.simulation.ranks import alike, call, end, in_mpi, mpi_command
 
 if TYPE_CHECKING:
@@ -166,8 +167,13 @@ def fail(code: int, message: str) -> NoReturn:
     if in_mpi():
         from mpi4py import MPI
 
-        if not alike(MPI.COMM_WORLD):
-            end(f"rank {MPI.COMM_WORLD.rank}: {message}", code)
+        def at_once(*_: Any) -> None:
+            if interrupts.another():
+                MPI.COMM_WORLD.Abort(130)
+
+        with interrupts.handled(at_once):  # while the ranks wait for each other
+            if not alike(MPI.COMM_WORLD):
+                end(f"rank {MPI.COMM_WORLD.rank}: {message}", code)
     rank = os.environ.get("PMI_RANK") or os.environ.get("OMPI_COMM_WORLD_RANK") or "0"
     if rank == "0":
         print(f"squealx: {message}", file=sys.stderr)

@@ -17,6 +17,7 @@ from meshes.tags import Tag
 from workflow.figures import style
 from workflow.figures.footprint import boxes, development, undeformed
 from workflow.figures.section import cut, row
+from workflow.results import atomic
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Contact, Record
 
@@ -73,7 +74,7 @@ def transition(record: Record) -> Path | None:
     frames = [picture(frame(scenery, k)) for k in range(len(scenery.contact.t))]
     path = record.folder / "figures" / "transition.gif"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(animation(frames))
+    atomic.replace(path, animation(frames))
     return path
 
 

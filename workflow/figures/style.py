@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Style of all figures: fonts, sizes, one colour or colour map per quantity, unit prefixes."""
 
+import io
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.tags import Tag
+from workflow.results import atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,9 +110,11 @@ def figure(width: float, height: float) -> "Figure":
 
 
 def save(fig: "Figure", path: Path) -> Path:
-    """Write a figure as PNG and return its path."""
+    """Write a figure as PNG, whole or not at all, and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=DPI, facecolor="white")
+    drawn = io.BytesIO()
+    fig.savefig(drawn, dpi=DPI, facecolor="white")
+    atomic.replace(path, drawn.getvalue())
     return path
 
 

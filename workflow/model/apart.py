@@ -14,14 +14,47 @@ import numpy as np
 from meshes.arrays import Array, Index
 from meshes.hexmesh import HexMesh
 from meshes.inside import distance_to_quads, inside
-from workflow.model.geometry import OVERLAP, cell_size
+from workflow.model.cost import Cost
+from workflow.model.geometry import OVERLAP, cell_size, mesh_of
 from workflow.model.regions import owners
 from workflow.scene import Scene, SceneError
+from workflow.scene.settings import RigidWall
 
 if TYPE_CHECKING:
     from contact.surface import Surface
 
+EASY = 300_000  # cells of a shape that is meshed to be looked at: a second
 COARSE = 1.5  # cells of the contactor over those of the target, from which on it is told
+
+
+def check_contacts(scene: Scene, cost: Cost, mesh: HexMesh | None) -> Iterator[str]:
+    """Yield what is doubtful about the contacts of a scene before there is a model.
+
+    Shapes that are quickly meshed are, to be looked at; a wheel stands on its rail without gap or
+    overlap.
+
+    Args:
+        scene: The scene.
+        cost: What its run takes.
+        mesh: Its mesh, if it is there already.
+
+    Raises:
+        SceneError: as :func:`check_surfaces`.
+    """
+    if mesh is None and scene.mesh.kind != "wheel-on-rail" and cost.cells <= EASY:
+        mesh, _ = mesh_of(scene)
+    if mesh is None or not scene.contacts:
+        return
+    from contact.surface import meshed, rigid_plane  # for scenes with contact
+
+    for name, contact in scene.contacts.items():
+        contactor, target = meshed(mesh, mesh.tag(contact.contactor)), contact.target
+        if isinstance(target, RigidWall):
+            other = rigid_plane(target.origin, target.normal, target.half_width)
+        else:
+            other = meshed(mesh, mesh.tag(target))
+        sides = [(contactor, other), (other, contactor)]
+        yield from check_surfaces(scene, mesh, name, sides[: 1 + contact.two_pass])
 
 
 def check_surfaces(

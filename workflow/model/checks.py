@@ -6,12 +6,21 @@ accepts. Each message names the key, what it got and what it expects.
 """
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from meshes.hexmesh import HexMesh
 from workflow.model.advice import TURN, turns
-from workflow.model.cost import Cost, cost_of, extent_of, host_memory, size_in_words, wave_speed
+from workflow.model.cost import (
+    Cost,
+    cost_of,
+    extent_of,
+    host_memory,
+    room_for,
+    size_in_words,
+    wave_speed,
+)
 from workflow.scene.bodies import FOLLOWING
 from workflow.scene.mesh import (
     BarMesh,
@@ -29,6 +38,7 @@ from workflow.scene.settings import RigidWall
 MOST_OUTPUTS, MOST_SAMPLES, MOST_STEPS = 10_000_000, 10_000_000, 1e10
 FEW, LEAST = 5.0, 3.0  # steps that a prescribed motion takes: as estimated, and as they are
 NARROWEST = 0.01  # cells of a strip over those of the zone
+CLOSE, SURE = 1.5, 2.0  # room over results, results over room: doubted below, refused above
 WAY = 0.25  # of the shortest edge, the most that bodies come closer in a step
 
 
@@ -150,6 +160,31 @@ def _fitting(scene: Scene, key: str, per_cell: float, memory: float) -> float | 
         if per_cell * extent_of(scene.model_copy(update={"mesh": other})).cells < memory:
             return float(size)
     return None
+
+
+def check_room(scene: Scene, cost: Cost, folder: Path) -> Iterator[str]:
+    """Yield a line if the results of a run may not find room.
+
+    Args:
+        scene: The scene.
+        cost: What its run takes.
+        folder: Where the results are to go.
+
+    Raises:
+        SceneError: if they surely do not: disk is estimated to a factor of 2.
+    """
+    room = room_for(folder)
+    if cost.disk < room / CLOSE:
+        return
+    fields = ", or output.fields = false" if scene.output.fields else ""
+    line = (
+        f"time.output_interval = {scene.time.output_interval}: {cost.outputs} outputs of "
+        f"{cost.nodes} nodes take about {size_in_words(cost.disk)}, where {str(folder)!r} is to be "
+        f"there is room for {size_in_words(room)}; expected a longer one{fields}, or another disk"
+    )
+    if cost.disk > SURE * room:
+        raise SceneError(line)
+    yield line
 
 
 def check_step(scene: Scene, step: float) -> None:

@@ -7,6 +7,7 @@ wave, within a third; memory and disk are good to a factor of 2, time to one of 
 """
 
 import os
+import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ NARROW = 0.5  # shortest edge over wanted size on wheel and rail
 BASE, PER_CELL, AT_REST = 160e6, 1.9e3, 25e3  # bytes; of them the last in the static solve
 STARTS, MESHED, REST = 2.0, 1.5e-4, 5e-4  # s; s per cell that is generated, brought to rest
 STEP, UPDATE, OUTPUT = 1e-4, 1.5e-7, 5e-3  # s per step, per cell and step, per output
-RECORD = 3e3  # bytes of history and patches per output, and per contact
+FIRST, HISTORY, RECORD = 5e5, 2e3, 1e4  # bytes of results: at once, per output, and contact
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,25 @@ def host_memory() -> float:
     return min(found, float(text)) if text.isdigit() else found
 
 
+def room_for(folder: Path) -> float:
+    """Return the room for results in a folder, made or not: what is free, and what they replace.
+
+    A run that goes on has a part of its results already.
+
+    Args:
+        folder: Result folder.
+
+    Returns:
+        Bytes; infinite where the disk does not tell.
+    """
+    there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    try:
+        taken = sum(path.stat().st_size for path in folder.glob("*.*") if path.is_file())
+        return float(shutil.disk_usage(there).free + taken)
+    except OSError:
+        return float("inf")
+
+
 def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
     """Return what a run of a scene takes.
 
@@ -155,14 +175,15 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
 def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
     """Return what results and fields take [bytes]; fields are two vectors of single precision.
 
-    Where steel yields, the plastic strain of each cell besides; there are about as many as nodes.
+    A checkpoint has a copy of the results. Where steel yields, there is the plastic strain of each cell
+    besides; there are about as many as nodes.
     """
     yields = any(body.material.law in MEMORY for body in scene.bodies.values())
     fields = nodes * (100.0 + (28.0 if yields else 24.0) * outputs) if scene.output.fields else 0.0
-    records = RECORD * outputs * (1 + len(scene.contacts))
     channels = 8 + 24 * len(scene.probes) + 48 * len(scene.contacts)
-    checkpoint = (900.0 if yields else 400.0) * nodes if scene.output.checkpoint_minutes else 0.0
-    return 2e5 + fields + records + checkpoint + float(samples) * channels
+    results = FIRST + outputs * (HISTORY + RECORD * len(scene.contacts)) + float(samples) * channels
+    kept = scene.output.checkpoint_minutes > 0 or scene.output.checkpoint_steps is not None
+    return fields + results + (results + (900.0 if yields else 400.0) * nodes) * kept
 
 
 def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:

@@ -339,9 +339,10 @@ def placed_at(mesh: WheelRailMesh, yaw: float) -> "profiles.Placement":
             )
         return placement
     except ValueError as error:
+        remedy = "; mesh.lateral_shift, which may be negative, takes its place" * (shift is None)
         raise SceneError(
             f"mesh.{key} = {value} with mesh.wheel_profile = {mesh.wheel_profile!r} on "
-            f"mesh.rail_profile = {mesh.rail_profile!r}: {error}"
+            f"mesh.rail_profile = {mesh.rail_profile!r}: {error}{remedy}"
         ) from None
 
 
@@ -473,9 +474,13 @@ def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
     keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size", "strip": "strip"}
     keys["zone"] = "rail_length" if side == "rail" else "margin"
     key = keys.get(error.partition(":")[0], f"{side}_profile")
-    told = "" if key == "strip" else f" = {getattr(mesh, key)!r}"
+    if key == "strip":
+        return (
+            f"mesh.strip.{side}: {error.removeprefix('strip: ')}; found where wheel and rail come "
+            f"close unless it is told; without [mesh.strip] there is none"
+        )
     why = "; it is the way rolled in time.end and mesh.margin at either end" * ("zone" in error)
-    return f"mesh.{key}{told}: {error}{why}"
+    return f"mesh.{key} = {getattr(mesh, key)!r}: {error}{why}"
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:

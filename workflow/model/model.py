@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -19,7 +20,7 @@ from meshes.domain import Domain
 from meshes.hexmesh import HexMesh
 from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
-from workflow.model.checks import check, check_step
+from workflow.model.checks import check, check_room, check_step
 from workflow.model.geometry import domain_of, on_root
 from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
 from workflow.model.state import Item, State
@@ -100,6 +101,7 @@ def build(
     friction: "Mapping[str, FrictionLaw] | None" = None,
     items: Iterable[Callable[[Model], Item]] = (),
     mesh: Callable[..., Any] | None = None,
+    out: Path | None = None,
 ) -> Model:
     """Return the model of a scene; every check of the scene against its mesh is made here.
 
@@ -113,17 +115,20 @@ def build(
         friction: Friction laws of your own by contact name, in place of the scene's.
         items: What acts besides, of your own: each is called with the model and returns an item.
         mesh: Builds a model of gmsh from ``mesh.parameters``, called on one rank.
+        out: Folder whose disk is to have room for the results.
 
     Raises:
         SceneError: naming the key that does not fit.
         CompilerError: if this machine cannot compile forms; before the mesh is made.
     """
     host_of(comm)
-    doubtful = [] if (read := isinstance(scene.mesh, Foreign)) else told(scene, None, comm, log)
+    doubtful = (
+        [] if (read := isinstance(scene.mesh, Foreign)) else told(scene, None, comm, log, out)
+    )
     with phase("mesh"):
         domain, placement = domain_of(scene, comm, log, mesh)
     if read:
-        doubtful = told(scene, domain.source, comm, log)
+        doubtful = told(scene, domain.source, comm, log, out)
     with phase("compile"):
         model = compiled(Bodies(scene, domain, laws), placement, log)
         model.doubts += doubtful
@@ -142,7 +147,9 @@ def build(
     return model
 
 
-def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[str]:
+def told(
+    scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log, out: Path | None
+) -> list[str]:
     """Check a scene, log what it costs and what is doubtful, and return the latter; collective.
 
     Raises:
@@ -152,7 +159,8 @@ def told(scene: Scene, mesh: HexMesh | None, comm: MPI.Comm, log: Log) -> list[s
     def work() -> list[str]:
         cost = check(scene, mesh)
         log(f"cost: {cost}")
-        return list(doubts(scene, cost))
+        room = check_room(scene, cost, out) if out is not None else ()
+        return [*doubts(scene, cost), *room]
 
     found: list[str] = comm.bcast(on_root(comm, work))
     for line in found:

@@ -10,6 +10,7 @@ killed meanwhile leaves a journal from which the next one finishes.
 import contextlib
 import json
 import os
+import re
 import shutil
 import sys
 import time
@@ -26,20 +27,34 @@ SYNC_INTERVAL = 1.0  # s
 _synced: dict[Path, float] = {}
 
 
-def replace(path: Path, content: bytes) -> None:
-    """Replace a file at once: readers see the old content or the new one, on disk on return."""
+def why(error: OSError) -> str:
+    """Return why a file could not be written in the words of the system, of HDF5 too."""
+    found = re.search(r"errno = (\d+)", str(error))
+    return os.strerror(int(found[1])) if found else error.strerror or str(error)
+
+
+def replace(path: Path, content: bytes, *, sync: bool = True) -> None:
+    """Replace a file at once: readers see the old content or the new one, on disk on return.
+
+    Args:
+        path: The file.
+        content: What it is to hold.
+        sync: Wait until it is on disk.
+    """
     new = path.with_name(path.name + ".new")
     try:
         with new.open("wb") as file:
             file.write(content)
             file.flush()
-            os.fsync(file.fileno())
+            if sync:
+                os.fsync(file.fileno())
         os.replace(new, path)
     except OSError:
         with contextlib.suppress(OSError):
             new.unlink()
         raise
-    _sync_folder(path.parent)
+    if sync:
+        _sync_folder(path.parent)
 
 
 def copy(source: Path, target: Path) -> None:
@@ -187,13 +202,7 @@ def _keep(path: Path, pending: Pending, sync: bool) -> None:
         "writes": [[offset, len(data)] for offset, data in pending.writes],
         "crc": zlib.crc32(body),
     }
-    content = json.dumps(head).encode() + b"\n" + body
-    if sync:
-        replace(journal_of(path), content)
-        return
-    new = journal_of(path).with_name(journal_of(path).name + ".new")
-    new.write_bytes(content)
-    os.replace(new, journal_of(path))
+    replace(journal_of(path), json.dumps(head).encode() + b"\n" + body, sync=sync)
 
 
 def finish(path: Path) -> None:

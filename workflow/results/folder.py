@@ -130,8 +130,14 @@ def put_aside(folder: Path) -> Path:
     return aside
 
 
-def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
+def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None], *, begun: bool = True) -> None:
     """Write on rank 0.
+
+    Args:
+        comm: Ranks that meet the error.
+        folder: Result folder.
+        work: What writes.
+        begun: Whether there is a run to go on with.
 
     Raises:
         RuntimeError: on all ranks, whatever went wrong: no room, no permission, no memory.
@@ -142,14 +148,15 @@ def on_root(comm: MPI.Comm, folder: Path, work: Callable[[], None]) -> None:
         try:
             work()
         except OSError as error:
-            told, cause = error.strerror or str(error), error
+            told, cause = atomic.why(error), error
         except Exception as error:
             told, cause = f"{type(error).__name__} {error}".strip(), error
     told = comm.bcast(told)
     if told is not None:
+        then = f"; when there is, go on with: {command_to_resume(folder)}" if begun else ""
         raise RuntimeError(
-            f"results cannot be written: {told}; expected room and permission in {str(folder)!r}; "
-            f"when there is, go on with: {command_to_resume(folder)}"
+            f"results cannot be written: {told}; expected room and permission in {str(folder)!r}"
+            f"{then}"
         ) from cause
 
 

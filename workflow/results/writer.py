@@ -50,7 +50,7 @@ class Results:
         Raises:
             SceneError: if it cannot be written.
         """
-        self.folder, self.domain, self.comm = folder, domain, domain.msh.comm
+        self.folder, self.domain, self.comm = folder, domain, (comm := domain.msh.comm)
         self.outputs = 0
         self.trackers: dict[str, Any] = {}
         self.batch: batch.Batch | None = None  # these two on rank 0 only
@@ -60,8 +60,10 @@ class Results:
         self._kept: set[str] = set()  # pairs whose surfaces are in the file
         self._tables: dict[str, set[str]] = {}  # columns that those of a resumed run began with
         try:
-            on_root(self.comm, folder, lambda: self._open(scene, resume))
+            on_root(comm, folder, lambda: self._open(scene, resume), begun=resume is not None)
         except RuntimeError as error:
+            if resume is None:
+                self._remove()
             raise SceneError(f"out = {str(folder)!r}: {error}") from None
         self.outputs = resume.outputs if resume else 0
 
@@ -85,6 +87,12 @@ class Results:
         if self.write_fields:
             t = resume.t if resume else None
             self.fields = FieldWriter(fields, self.domain.source, resume_at=t)
+
+    def _remove(self) -> None:
+        """Leave nothing of a run that could not begin."""
+        if self.comm.rank == 0:
+            for name in ("scene.toml", "results.h5", "fields.vtkhdf"):
+                (self.folder / name).unlink(missing_ok=True)
 
     def append(
         self,

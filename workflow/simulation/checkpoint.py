@@ -220,7 +220,7 @@ class Keeper:
                 self.results.settle()
                 write(self.results.folder, arrays)
             except OSError as caught:
-                error = f"checkpoint not written: {caught}"
+                error = f"checkpoint not written: {atomic.why(caught)}"
         self.last, self._written = time.perf_counter(), self.model.state.step
         return comm.bcast(error)
 

@@ -107,7 +107,7 @@ def run(
             point = point_of(folder, scene, comm, progress.log)
         with one_per_rank() as threads:
             progress.note(threads)
-            model = made(scene, comm, progress, point, (laws, friction, items, mesh))
+            model = made(scene, comm, progress, point, (laws, friction, items, mesh, folder))
             job = prepared(model, clock, progress, folder, point, began)
             with concluded(job):
                 if point is None:
@@ -126,9 +126,12 @@ def made(
     comm: MPI.Comm,
     progress: Progress,
     point: checkpoint.Checkpoint | None,
-    own: tuple[Any, Any, Any, Any],
+    own: tuple[Any, Any, Any, Any, Path],
 ) -> Model:
-    """Return the model of a scene, for the checkpoint if there is one."""
+    """Return the model of a scene, for the checkpoint if there is one.
+
+    ``own`` are the last arguments of :func:`workflow.model.build`.
+    """
     built = point.as_built(scene) if point else scene  # its mesh may be that of an earlier end
     model = build(built, comm, progress.log, progress.clock.phase, *own)
     model.scene = scene
@@ -184,7 +187,7 @@ def concluded(job: Job) -> Iterator[None]:
     if isinstance(failure, RuntimeError | MemoryError) and not isinstance(failure, GuardError):
         # no room for results; a node went through, or is nowhere
         told = str(failure) or "out of memory"
-        raise GuardError(f"{told} (step {model.state.step})") from failure
+        raise GuardError(f"step {model.state.step}: {told}") from failure
     if failure is not None:
         raise failure
 
