@@ -17,8 +17,8 @@ from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
-from workflow.theory.expected import expected
 from workflow.theory import wheel_on_rail
+from workflow.theory.expected import expected
 from workflow.theory.wheel_on_rail import (
     OnHalfSpaces,
     at_rest,
