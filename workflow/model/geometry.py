@@ -470,12 +470,15 @@ def _cells_of(
 
 def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
     """Return an error of a mesh with the key of the scene that its first word stands for."""
-    keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size", "strip": "strip"}
+    word, _, told = error.partition(":")
+    if word == "strip" and mesh.strip is not None:
+        arc = getattr(mesh.strip, side)
+        return f"mesh.strip.{side} = {list(arc)}:{told}" if arc else f"mesh.strip:{told}"
+    keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size"}
     keys["zone"] = "rail_length" if side == "rail" else "margin"
-    key = keys.get(error.partition(":")[0], f"{side}_profile")
-    told = "" if key == "strip" else f" = {getattr(mesh, key)!r}"
+    key = keys.get(word, f"{side}_profile")
     why = "; it is the way rolled in time.end and mesh.margin at either end" * ("zone" in error)
-    return f"mesh.{key}{told}: {error}{why}"
+    return f"mesh.{key} = {getattr(mesh, key)!r}: {error}{why}"
 
 
 def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
