@@ -147,10 +147,9 @@ PATIENT = {"time.end": 250e-6, "time.output_interval": 50e-6, "time.safety": 0.9
 
 
 def patient_growth(friction: float, **changes) -> Growth:
-    """Growth from what a friction leaves that comes on softly, up to where the force has halved.
+    """Growth of what a friction leaves that comes on softly, up to where the force has halved.
 
-    The block is as fast as it must be to slide to the end: a start at rest in the frame of the base
-    disturbs the less the slower it is.
+    The block is thrown just fast enough to slide to the end, which disturbs the contact least.
     """
     s = f"(t / {COME})"
     law = f"{friction} * where(t < {COME}, {s}**3 * (10 - 15 * {s} + 6 * {s}**2), 1)"
