@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from workflow.model.advice import landing_gain
+from workflow.model.checks import check
 from workflow.model.model import build
 from workflow.scene.scene import Scene, SceneError
 from workflow.stability import limits
@@ -48,6 +49,12 @@ def test_predicted_limits_are_those_of_runs(case, key, slack):
     assert 0.97 < found.ratio < 1 + slack
     if key == "step":
         assert found.scene < 1.005 * found.found
+
+
+def test_scenes_whose_limits_are_sought_can_be_run():
+    """None is refused, which would end the command after its matrix."""
+    for changes, _ in limits.TRIED.values():
+        check(Scene.load("sliding-block", **{**limits.SMALL, **changes}))
 
 
 def test_damping_limit_is_on_the_safe_side():

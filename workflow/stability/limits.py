@@ -51,7 +51,10 @@ TRIED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         },
         ("step", "penalty"),
     ),
-    "block of a fifth of the height": ({"mesh.block": [0.02, 0.02, HEIGHT / 5]}, ("step",)),
+    "block of a fifth of the height": (
+        {"mesh.block": [0.02, 0.02, HEIGHT / 5], "mesh.size": HEIGHT / 5},
+        ("step",),
+    ),
 }
 QUICK = ("friction 0", "friction 0.3")
 
