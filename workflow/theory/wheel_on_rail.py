@@ -415,7 +415,8 @@ def _in_full_slip(
     The areas that nodes stand for reach too far, so mean shear is also taken over the ellipse of
     the same second moments, on both sides.
     """
-    forces, areas = [], []
+    forces: list[list[Array]] = []
+    areas: list[list[list[float]]] = []
     for t, rest in patches:
         patch, slip = rest.patch, rigid_slip(record, t, place)
         if slip is not None and not patch.stick.any() and patch.mean_friction > 0:
