@@ -57,6 +57,11 @@ class Patch:
         return self.frame[:2] @ self.tangential_force / self.area
 
     @property
+    def mean_shear(self) -> float:
+        """Size of the tangential force over area [Pa]."""
+        return float(np.linalg.norm(self.tangential_force)) / self.area
+
+    @property
     def shear_angle(self) -> float:
         """Angle of the shear on the target from the negative longitudinal axis [rad].
 

@@ -239,6 +239,7 @@ def test_table_of_patches(tmp_path):
         along = history["face_tangential_x_force"]
         np.testing.assert_allclose(table["force_in_frame"][:, 0], along, rtol=1e-3)
         np.testing.assert_allclose(table["shear_stress"][:, 0], along / 4e-4, rtol=1e-3)
+        np.testing.assert_allclose(table["mean_shear"], np.abs(along) / 4e-4, rtol=1e-3)
         np.testing.assert_allclose(np.abs(table["shear_angle"]), np.pi, atol=0.02)
         assert table["rigid_slip"][0] == pytest.approx([2.0, 0.0], abs=1e-9)
         assert np.isnan(table["creepage"][:]).all()  # nothing rolls

@@ -100,6 +100,15 @@ def test_strip_that_is_found_beyond_the_tread_is_refused_with_its_key(tmp_path):
         check(scene)
 
 
+@pytest.mark.parametrize(("side", "fine"), [("rail", "0.0200 to 0.0719"), ("wheel", "0.0438 to")])
+def test_arc_off_the_fine_part_is_refused_before_meshing(side, fine):
+    """On the gauge face below the fine cells, on the flange's back: key, what is expected, got."""
+    arc = [0.0005, 0.002]
+    told = rf"mesh\.strip\.{side} = \[0\.0005, 0\.002\]: expected .*, {fine} .*, got 0\.0005 to 0"
+    with pytest.raises(SceneError, match=told):
+        check(Scene.load("flange-transition", **{f"mesh.strip.{side}": arc}))
+
+
 def test_scene_says_what_is_wrong_with_a_strip():
     with pytest.raises(SceneError, match=r"mesh\.strip\.size = 0\.0: expected"):
         Scene.load("flange-transition", **{"mesh.strip.size": 0.0})

@@ -2,11 +2,13 @@
 """A wheel at rest on the rail against Hertz and half-spaces; row 13 for the profiles."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from contact.creepage import Motion
 from contact.theory.closed_forms import contact_modulus, hertz_ellipse
 from contact.theory.wheel_on_rail import gap, profile_contact
 from meshes.profiles.placement import RADIUS, place, rail_in_track
@@ -15,8 +17,16 @@ from meshes.profiles.surfaces import rail_surface, wheel_surface
 from workflow import Scene, run
 from workflow.results.patch_nodes import PatchNodes
 from workflow.results.record import Record
+from workflow.theory import wheel_on_rail
 from workflow.theory.expected import expected
-from workflow.theory.wheel_on_rail import at_rest, half_axes, standing
+from workflow.theory.wheel_on_rail import (
+    OnHalfSpaces,
+    at_rest,
+    half_axes,
+    rigid_slip,
+    standing,
+    wheel_rolling,
+)
 
 MODULUS = contact_modulus(210e9, 0.3, 210e9, 0.3)
 
@@ -114,6 +124,99 @@ def test_standing_of_a_wheel_that_has_rolled():
     depth, _ = found.depth(bottom + shift)
     assert depth == pytest.approx(np.zeros(len(bottom)), abs=1e-9)
     assert found.origin == pytest.approx(at.centre + shift, abs=1e-8)
+
+
+FRICTION, CARRIED = 0.4, 8e4
+
+
+def slipping(slip: Motion) -> OnHalfSpaces:
+    """A cylinder on a crown: nodes carry the half-spaces' pressure and friction along the slip."""
+    wheel = wheel_surface(arc(1e5), RADIUS, np.array([0.0, 0.0, RADIUS]))
+    rail = rail_surface(arc(0.3))
+    expected = profile_contact(wheel, rail, np.zeros(3), CARRIED, MODULUS)
+    half = expected.half_space
+    touching = half.pressure.ravel() > 0
+    position = expected.origin + expected.grid[touching] @ expected.frame[:2]
+    areas = np.full(len(position), half.spacing[0] * half.spacing[1])
+    forces = half.pressure.ravel()[touching] * areas
+    way = slip.at(position)
+    drag = -FRICTION * forces[:, None] * way / np.linalg.norm(way, axis=1)[:, None]
+    normal, one = np.tile(expected.frame[2], (len(forces), 1)), np.ones(len(forces))
+    patch = PatchNodes(position, normal, forces, drag, areas, FRICTION * one, one < 0)
+    sides = np.tile(half.spacing, (len(forces), 1))
+    return OnHalfSpaces(1, patch, sides, expected, wheel, rail, MODULUS, 0.0)
+
+
+def sliding(slip: tuple[float, float], spin: float) -> Motion:
+    """The wheel slides on the rail with so much at the origin [m/s], and spins [rad/s]."""
+    return Motion(np.zeros(3), np.array([*slip, 0.0]), np.array([0.0, 0.0, spin]))
+
+
+def test_force_of_full_slip():
+    """Without spin friction times load along the slip; about the middle nothing is left of it.
+
+    About a pole at a distance d of half axes a along, b across, the force along the way there is
+    friction times load times 1 - a²/(10 d²): a unit vector to first order in (a / d)², the mean
+    square of x is a²/5.
+    """
+    rest = slipping(sliding((3.0, 4.0), 0.0))
+    force = rest.full_slip(sliding((3.0, 4.0), 0.0))
+    assert force == pytest.approx(FRICTION * CARRIED * np.array([0.6, 0.8]), rel=1e-5)
+    assert np.abs(rest.full_slip(sliding((0.0, 0.0), 5.0))).max() < 1e-3 * FRICTION * CARRIED
+    a, d = rest.found["half-space"][1], 0.05
+    along, _ = rest.full_slip(sliding((5.0 * d, 0.0), 5.0))
+    assert along == pytest.approx(FRICTION * CARRIED * (1 - a**2 / (10 * d**2)), rel=2e-4)
+
+
+def test_rolling_in_full_slip_is_expected(monkeypatch):
+    """Nodes that carry what the half-spaces do: mean shear and θ are those expected, to 1e-4.
+
+    An output at which a node adheres is left out, and so is one without friction.
+    """
+    slip = sliding((-0.2, -0.5), 20.0)
+    rest = slipping(slip)
+    adhering = replace(rest, patch=replace(rest.patch, stick=rest.patch.areas > 0))
+    smooth = replace(rest, patch=replace(rest.patch, friction=0 * rest.patch.areas))
+    seen = [(float(t), [on]) for t, on in enumerate((rest, adhering, smooth))]
+    monkeypatch.setattr(wheel_on_rail, "on_half_spaces", lambda record, outputs: iter(seen))
+    contact = SimpleNamespace(patches=[{1: rest.patch}] * 3, two_points=np.zeros(3, dtype=bool))
+    scene = SimpleNamespace(rolling=SimpleNamespace(speed=20.0))
+    fake = SimpleNamespace(checked=scene, wheel_on_rail=True, contacts={"c": contact},
+                           patches=table(slip, range(3), up=1.0))  # fmt: skip
+    found = {e.quantity: e for e in wheel_rolling(fake)}
+    of = "patch 1 in full slip, mean of 1 outputs: "
+    shear = found[of + "mean shear over the area of nodes"]
+    assert shear.value == pytest.approx(rest.patch.mean_shear)
+    for what in ("mean shear over the area of nodes", "mean shear over the ellipse"):
+        assert abs(found[of + what].error) < 1e-4
+    theta = found[of + "angle θ of the shear"]
+    assert theta.value == pytest.approx(rest.patch.shear_angle) and abs(theta.error) < 1e-4
+
+
+def table(slip: Motion, times, up: float) -> dict[str, np.ndarray]:
+    """Table of patches of a wheel that slides, its contactor on the wheel (1) or the rail (-1)."""
+    normal = np.array([0.0, 0.0, up])
+    along = np.array([1.0, 0.0, 0.0])
+    frame = np.array([along, np.cross(normal, along)])
+    one = {
+        "normal_force": CARRIED, "contact_angle": 0.0, "centre": slip.about, "normal": normal,
+        "longitudinal": along, "rigid_slip": up * frame @ slip.velocity,
+        "spin_rate": up * normal @ slip.spin,
+    }  # fmt: skip
+    rows = {name: np.array([value for _ in times]) for name, value in one.items()}
+    return {"t": np.array([float(t) for t in times]), **rows}
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_rigid_slip_is_that_of_the_upper_body(up):
+    """Whichever body has the contactor; none of another place or time, nor from old folders."""
+    slip = sliding((0.3, -0.7), 11.0)
+    record = SimpleNamespace(patches=table(slip, range(3), up))
+    found = rigid_slip(record, 1.0, 1)
+    point = np.array([0.01, 0.02, 0.0])
+    assert found is not None and found.at(point) == pytest.approx(slip.at(point))
+    assert rigid_slip(record, 1.0, 2) is None and rigid_slip(record, 1.5, 1) is None
+    assert rigid_slip(SimpleNamespace(patches={}), 1.0, 1) is None
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,7 @@ def test_angle_is_that_of_the_shear_on_the_lower_body(angle):
     a = np.radians(angle)
     one = patch((4, 3), shear=(2e8 * np.cos(a), 2e8 * np.sin(a)))
     assert one.shear_angle == pytest.approx(a)
+    assert one.mean_shear == pytest.approx(2e8)
     assert one.longitudinal_shear == pytest.approx(-2e8 * np.cos(a), abs=1)
     assert one.lateral_shear == pytest.approx(-2e8 * np.sin(a), abs=1)
     assert np.isnan(patch((4, 3), shear=(1e5, 0.0)).shear_angle)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Mass scaling: the step asked for, the mass it takes, and what does not change."""
 
+import re
+
 from mpi4py import MPI
 
 import numpy as np
@@ -72,6 +74,20 @@ def test_statics_do_not_feel_it_and_the_summary_tells(tmp_path):
 def test_more_than_allowed_is_refused(limits, message):
     with pytest.raises(SceneError, match=message):
         build(scaled(**limits))
+
+
+def test_a_step_out_of_reach_is_refused_on_the_command_line(command, tmp_path):
+    """Key, what it allows, what is needed; exit code 2, and no folder is left."""
+    mass = ("--set", "mass_scaling.step=1e-7", "--set", "mass_scaling.total=1e-6")
+    done = command(
+        "run", "hertz", "--set", "mesh.size=1e-3", *mass, "--out", tmp_path / "run", check=False
+    )
+    said = done.stderr.strip().splitlines()[-1]
+    assert done.returncode == 2 and not (tmp_path / "run").exists()
+    needed = (
+        r"squealx: mass_scaling\.total = 1e-06 kg: a step of 1e-07 s needs 0\.\d+ kg; expected a "
+    )
+    assert re.fullmatch(needed + r"shorter mass_scaling\.step or a higher limit", said)
 
 
 def test_bad_keys():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from workflow.model.advice import landing_gain
+from workflow.model.checks import check
 from workflow.model.model import build
 from workflow.scene.scene import Scene, SceneError
 from workflow.stability import limits
@@ -39,7 +40,7 @@ def small(panel="p", x="1", **changes) -> Case:
 @pytest.mark.parametrize("case, key, slack", [
     ("friction 0", "step", 0.01), ("friction 0", "penalty", 0.02), ("friction 0.3", "step", 0.01),
     ("two-pass, friction 0", "penalty", 0.02), ("modulus-penalty 1, friction 0", "penalty", 0.02),
-    ("penalty 2", "step", 0.01),
+    ("penalty 2", "step", 0.01), ("implicit-penalty 30", "step", 0.01),
 ])  # fmt: skip
 def test_predicted_limits_are_those_of_runs(case, key, slack):
     """Largest stable step and penalty, bisected to 1 %: never optimistic by more than 1 to 2 %,
@@ -48,6 +49,12 @@ def test_predicted_limits_are_those_of_runs(case, key, slack):
     assert 0.97 < found.ratio < 1 + slack
     if key == "step":
         assert found.scene < 1.005 * found.found
+
+
+def test_scenes_whose_limits_are_sought_can_be_run():
+    """None is refused, which would end the command after its matrix."""
+    for changes, _ in limits.TRIED.values():
+        check(Scene.load("sliding-block", **{**limits.SMALL, **changes}))
 
 
 def test_damping_limit_is_on_the_safe_side():
@@ -142,6 +149,8 @@ def test_axes_span_what_they_should():
     assert ends("contact damping / critical") == ("0", "2")
     assert ends("rotation, rolling [rad/s]")[1] == "1000"
     assert ends("initial penetration / cell") == ("0", "1")
+    flat = {c.x: c for c in found if c.panel == "cell aspect"}
+    assert flat["2"].moved and not flat["1"].moved  # cubes are the base case, through no file
     assert len(cases(quick=True)) < 0.5 * len(found)
 
 

@@ -471,14 +471,18 @@ def _cells_of(
 
 def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
     """Return an error of a mesh with the key of the scene that its first word stands for."""
-    keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size", "strip": "strip"}
-    keys["zone"] = "rail_length" if side == "rail" else "margin"
-    key = keys.get(error.partition(":")[0], f"{side}_profile")
-    if key == "strip":
+    word, _, told = error.partition(":")
+    if word == "strip" and mesh.strip is not None:
+        arc = getattr(mesh.strip, side)
+        if arc:
+            return f"mesh.strip.{side} = {list(arc)}:{told}"
         return (
-            f"mesh.strip.{side}: {error.removeprefix('strip: ')}; found where wheel and rail come "
-            f"close unless it is told; without [mesh.strip] there is none"
+            f"mesh.strip.{side}:{told}; found where wheel and rail come close unless it is told; "
+            "without [mesh.strip] there is none"
         )
+    keys = {"design": "wheel_design", "radius": "wheel_radius", "size": "size"}
+    keys["zone"] = "rail_length" if side == "rail" else "margin"
+    key = keys.get(word, f"{side}_profile")
     why = "; it is the way rolled in time.end and mesh.margin at either end" * ("zone" in error)
     return f"mesh.{key} = {getattr(mesh, key)!r}: {error}{why}"
 

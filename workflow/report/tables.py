@@ -239,13 +239,9 @@ def _of_patch(
     return Column(head, lambda row: of(row[2]), show, unit, factor)
 
 
-def _mean_shear(patch: PatchNodes) -> float:
-    return float(np.hypot(patch.longitudinal_shear, patch.lateral_shear))
-
-
 def _theta(patch: PatchNodes) -> float:
     """Return the shear angle to a tenth of a degree, NaN without shear."""
-    return round(DEGREES * patch.shear_angle, 1) if _mean_shear(patch) else np.nan
+    return round(DEGREES * patch.shear_angle, 1) if patch.mean_shear else np.nan
 
 
 LONG = partial(number, zeros=True)
@@ -259,7 +255,9 @@ PATCH = (
     _of_patch("nodes", lambda p: len(p.areas), ""),
     _of_patch("adhering", lambda p: int(p.stick.sum()), ""),
     _of_patch("largest pressure", lambda p: p.pressure.max(), LONG, "MPa", 1e-6),
-    _of_patch("mean shear", _mean_shear, partial(number, digits=3, zeros=True), "MPa", 1e-6),
+    _of_patch(
+        "mean shear", lambda p: p.mean_shear, partial(number, digits=3, zeros=True), "MPa", 1e-6
+    ),
     _of_patch("θ", _theta, number, "°"),
 )
 

@@ -89,6 +89,16 @@ class PatchNodes:
         return np.asarray(-self.tangential_forces @ self.frame[:2].T / self.areas[:, None])
 
     @property
+    def mean_friction(self) -> float:
+        """Mean coefficient of friction, weighted with the normal force [-]."""
+        return float(self.normal_forces @ self.friction / self.normal_force)
+
+    @property
+    def mean_shear(self) -> float:
+        """Size of the tangential force over the sum of the tributary areas [Pa]."""
+        return self.tangential_force / self.area
+
+    @property
     def longitudinal_shear(self) -> float:
         """Mean longitudinal shear stress on the lower body [Pa]."""
         return float(self.areas @ self.shear[:, 0] / self.area)

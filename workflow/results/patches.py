@@ -50,6 +50,7 @@ COLUMNS = {
     "force_in_frame": Column("N", lambda p, c: p.force_in_frame, "the same, axes of the patch"),
     "spin_moment": Column("N m", lambda p, c: p.spin_moment, "of tangential forces, on the normal"),
     "shear_stress": Column("Pa", lambda p, c: p.shear_stress, "mean, longitudinal and lateral"),
+    "mean_shear": Column("Pa", lambda p, c: p.mean_shear, "tangential force over area"),
     "shear_angle": Column("rad", lambda p, c: p.shear_angle, "of shear on the target, from -x"),
     "rigid_slip": Column("m/s", lambda p, c: c.slip, "of rigid bodies, longitudinal and lateral"),
     "spin_rate": Column("rad/s", lambda p, c: c.spin_rate, "of rigid bodies, about the normal"),

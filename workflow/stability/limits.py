@@ -18,7 +18,7 @@ from workflow.simulation.energy import Ledger
 from workflow.simulation.guards import GuardError, Watch, check_finite
 from workflow.simulation.initial import start
 from workflow.simulation.stepping import steps
-from workflow.stability.cases import HEIGHT, PRESSURE, QUIET, SLIDE, E, material
+from workflow.stability.cases import HEIGHT, PRESSURE, QUIET, SLIDE, E, implicit, material
 
 STEPS = 1000  # a limit exceeded by 0.1 % grows round-off to a blow-up within so many
 GROWTH = 1.5  # energy over what there was, which no stable run reaches
@@ -40,6 +40,7 @@ TRIED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {FACE + "method": "modulus-penalty", FACE + "penalty": 1.0, **FRICTIONLESS},
         ("step", "penalty"),
     ),
+    "implicit-penalty 30": (implicit(30, "face"), ("step",)),
     "contact damping 0.3": ({FACE + "damping": 0.3}, ("step",)),
     "stiffness damping 0.2 µs": ({"bodies.block.stiffness_damping": 2e-7}, ("step",)),
     "one-point": ({f"bodies.{b}.element": "one-point" for b in ("block", "base")}, ("step",)),
@@ -50,7 +51,10 @@ TRIED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         },
         ("step", "penalty"),
     ),
-    "block of a fifth of the height": ({"mesh.block": [0.02, 0.02, HEIGHT / 5]}, ("step",)),
+    "block of a fifth of the height": (
+        {"mesh.block": [0.02, 0.02, HEIGHT / 5], "mesh.size": HEIGHT / 5},
+        ("step",),
+    ),
 }
 QUICK = ("friction 0", "friction 0.3")
 

@@ -30,6 +30,11 @@ SHOWN = (
     Column("θ₁", "theta_1", ".0f", "°"),
     Column("θ₂", "theta_2", ".0f", "°"),
 )
+OF_PATCHES = (
+    ("angle", "contact_angle", math.degrees(1.0)),
+    ("theta", "shear_angle", math.degrees(1.0)),
+    ("mean_shear", "mean_shear", 1.0),
+)
 TIMES = ("wall_seconds", "processor_seconds")  # the second hardly sees other work on the machine
 ALIKE = 0.05  # what times of the same work may differ by
 
@@ -88,7 +93,7 @@ def _numbers(summary: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _patches(record: Record) -> Iterator[tuple[str, float]]:
-    """Yield vertical force, and contact angle and θ [°] of each patch where it was last seen."""
+    """Yield vertical force; contact angle and θ [°], mean shear [Pa] of each patch last seen."""
     if not record.contacts:
         return
     contact = next(iter(record.contacts.values()))
@@ -98,8 +103,8 @@ def _patches(record: Record) -> Iterator[tuple[str, float]]:
         if contact.two_points.any():
             yield "second_patch_at", float(contact.t[int(np.argmax(contact.two_points))])
         for place in (1, 2):
-            for name, quantity in (("angle", "contact_angle"), ("theta", "shear_angle")):
-                seen = np.degrees(contact.series(place, quantity))
+            for name, quantity, factor in OF_PATCHES:
+                seen = factor * contact.series(place, quantity)
                 seen = seen[np.isfinite(seen)]
                 if len(seen):
                     yield f"{name}_{place}", float(seen[-1])

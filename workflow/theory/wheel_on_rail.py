@@ -5,7 +5,8 @@ Both are made for each patch from the drawn profiles where wheel and rail stand 
 loaded by the normal force found. How they stand is read from their running surfaces around the
 patch, to each of which a rigid motion is fitted: under the load the axle bends and the rail twists,
 which moves the contact by millimetres. Friction does not change the pressure between bodies of the
-same material, so the same holds while they roll and slide.
+same material, so the same holds while they roll and slide. Where all of a patch slips, its shear is
+friction times pressure along the slip: that of the rigid bodies, which elastic slip turns little.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -18,6 +19,8 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from contact.creepage import Motion
+from contact.footprint import shear_angle
 from contact.theory.closed_forms import contact_modulus
 from contact.theory.wheel_on_rail import SEEK, WheelOnRail, profile_contact, with_layer
 from meshes.arrays import Array
@@ -25,7 +28,7 @@ from meshes.profiles.placement import Placement
 from meshes.profiles.surfaces import Surface, rail_surface, wheel_surface
 from meshes.tags import Tag
 from workflow.model.geometry import in_track, placement_of, profiles_of
-from workflow.results.patch_nodes import PatchNodes, patches_of
+from workflow.results.patch_nodes import STEEP, PatchNodes, patches_of
 from workflow.results.record import Record
 from workflow.scene.mesh import WheelRailMesh
 from workflow.scene.scene import Scene
@@ -115,6 +118,21 @@ class OnHalfSpaces:
         if e.hertz:
             rows["Hertz"] = (e.hertz.p0, e.hertz.a, e.hertz.b)
         return {name: (p0, a, b, float(np.pi * a * b)) for name, (p0, a, b) in rows.items()}
+
+    def full_slip(self, slip: Motion) -> Array:
+        """Return the tangential force on the lower body if all slips, in the frame of the patch.
+
+        Friction times the pressure of the half-spaces along the rigid slip at each place:
+        longitudinal and lateral, shape ``(2,)`` [N].
+
+        Args:
+            slip: Rigid motion of the upper body against the lower one.
+        """
+        e, frame = self.expected, self.patch.frame
+        way = slip.at(e.origin + e.grid @ e.frame[:2]) @ frame[:2].T
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        pressure, spacing = e.half_space.pressure.ravel(), e.half_space.spacing
+        return np.asarray(self.patch.mean_friction * spacing[0] * spacing[1] * (pressure @ way))
 
     def lines(self, when: str = "at rest") -> list[str]:
         """Return the comparison in words and numbers, a line each."""
@@ -362,12 +380,60 @@ def wheel_rolling(record: Record) -> Iterator[Expected]:
     touching = [k for k, patches in enumerate(contact.patches) if k and patches]
     two = [k for k in touching if contact.two_points[k]]
     outputs = spread(two or touching, FEW)
-    seen = [patch for _, patches in on_half_spaces(record, outputs) for patch in patches]
+    seen = [(t, patch) for t, patches in on_half_spaces(record, outputs) for patch in patches]
     for place in (1, 2):
-        patches = [patch for patch in seen if patch.place == place]
-        if patches:
-            name = f"patch {place} rolling, mean of {len(patches)} outputs"
-            yield from _off_half_spaces(name, patches)
+        mine = [(t, patch) for t, patch in seen if patch.place == place]
+        if mine:
+            name = f"patch {place} rolling, mean of {len(mine)} outputs"
+            yield from _off_half_spaces(name, [patch for _, patch in mine])
+            yield from _in_full_slip(place, record, mine)
+
+
+def rigid_slip(record: Record, t: float, place: int) -> Motion | None:
+    """Return the rigid motion of the upper body against the lower one at a patch.
+
+    None where a folder has no table of patches; of several patches of a place, the heaviest's.
+    """
+    table = record.patches
+    if "rigid_slip" not in table:
+        return None
+    mine = np.isclose(table["t"], t, rtol=1e-9) & ((table["contact_angle"] >= STEEP) + 1 == place)
+    if not mine.any():
+        return None
+    k = np.flatnonzero(mine)[np.argmax(table["normal_force"][mine])]
+    along, normal = table["longitudinal"][k], table["normal"][k]
+    side = np.sign(normal[2])  # the table has the contactor against the target
+    slip = table["rigid_slip"][k] @ [along, np.cross(normal, along)]
+    return Motion(table["centre"][k], side * slip, side * table["spin_rate"][k] * normal)
+
+
+def _in_full_slip(
+    place: int, record: Record, patches: list[tuple[float, OnHalfSpaces]]
+) -> Iterator[Expected]:
+    """Expecteds for mean shear and its angle over the outputs at which no node adheres.
+
+    The areas that nodes stand for reach too far, so mean shear is also taken over the ellipse of
+    the same second moments, on both sides.
+    """
+    forces: list[list[Array]] = []
+    areas: list[list[list[float]]] = []
+    for t, rest in patches:
+        patch, slip = rest.patch, rigid_slip(record, t, place)
+        if slip is not None and not patch.stick.any() and patch.mean_friction > 0:
+            shear = np.array([patch.longitudinal_shear, patch.lateral_shear])
+            forces.append([patch.area * shear, rest.full_slip(slip)])
+            ellipses = [rest.found[of][3] for of in ("nodes", "half-space")]
+            areas.append([[patch.area, rest.expected.half_space.area], ellipses])
+    if not forces:
+        return
+    name = f"patch {place} in full slip, mean of {len(forces)} outputs"
+    size = np.linalg.norm(forces, axis=2)[:, None]
+    over_nodes, over_ellipse = np.mean(size / areas, axis=0).tolist()
+    yield Expected(f"{name}: mean shear over the area of nodes", "Pa", *over_nodes, HALF_SPACE)
+    yield Expected(f"{name}: mean shear over the ellipse", "Pa", *over_ellipse, HALF_SPACE)
+    # on the lower body, which shear_angle takes on the upper one
+    found, answer = (shear_angle(-force) for force in np.mean(forces, axis=0))
+    yield Expected(f"{name}: angle θ of the shear", "rad", found, answer, HALF_SPACE)
 
 
 def spread(items: list[int], most: int) -> list[int]:
