@@ -6,6 +6,7 @@ The text of a key is the string below its field, read from the source only here:
 
 import ast
 import inspect
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,12 @@ BASE = {
 }
 
 
+def models() -> list[type[Section]]:
+    """Return the models of a scene and its tables."""
+    return [m for m in Section.__subclasses__() if m.__module__.startswith("workflow.scene.")]
+
+
+@cache
 def texts(model: type[Section]) -> dict[str, str]:
     """Return the text of each field of a table that has one."""
     tree = ast.parse(inspect.getsource(model)).body[0]
@@ -41,7 +48,7 @@ def texts(model: type[Section]) -> dict[str, str]:
 def complete() -> dict[str, Any]:
     """Return the schema of a whole scene, its tables by name in ``$defs``; no key may be null."""
     schema = _plain(Scene.model_json_schema())
-    tables = {model.__name__: model for model in Section.__subclasses__()}
+    tables = {model.__name__: model for model in models()}
     defined = schema["$defs"] | {"Scene": schema}
     for name, table in defined.items():
         for field, text in texts(tables[name]).items():
