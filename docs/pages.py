@@ -7,6 +7,7 @@ They are written below docs/made/ at every build, so that they cannot fall behin
 import re
 import tomllib
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from workflow.scene.reference import Key, keys, toml
 from workflow.scene.scene import BUILTIN, Scene, names
 
 HERE = Path(__file__).parent
-ORDER = "bar- two- sliding stick slip contact hertz ball sphere cattaneo carter kalker tread flange"
+FACES = ("workflow", "contact", "contact.theory", "forms", "meshes", "meshes.profiles")
+ORDER = "bar- two-bars sliding stick slip contact hertz ball sphere cattaneo carter kalker tread flange"
 
 
 def write(folder: Path) -> None:
@@ -27,6 +29,7 @@ def write(folder: Path) -> None:
     pages["scenes/index.md"] = gallery(notes)
     pages["keys.md"] = reference()
     pages["command-line.md"] = commands()
+    pages["python.md"] = python()
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +82,7 @@ def reference() -> str:
         "# Scene keys",
         "",
         "All numbers are in SI units. `NAME` stands for a name of your choice, `[]` for one of",
-        "a list; a file may also have `base`, the scene that it starts from. The same in a terminal:",
+        "a list; a file may also have `base`, the scene it starts from. The same in a terminal:",
         "`squealx keys contacts.friction`; in an editor: `squealx schema`. Sizes are at most 1e18.",
     ]
     tables: dict[tuple[str, str], list[Key]] = {}
@@ -103,7 +106,7 @@ def _cells(key: Key) -> Iterator[str]:
     """Yield the cells of a key."""
     yield f"`{key.name}`"
     yield f"{key.type} [{key.unit}]" if key.unit else key.type
-    yield "**given**" if key.default is None else f"`{key.default}`" if key.default else ""
+    yield "*must be given*" if key.default is None else f"`{key.default}`" if key.default else ""
     yield f"`{key.range}`" if key.range.startswith('"') else key.range
     yield key.text
     yield f"`{key.example}`" if key.example else ""
@@ -127,6 +130,24 @@ def commands() -> str:
         lines += [f"| `{words}` | {text} | {default} |" for words, text, default in rows]
         shown = re.findall(r"\[dim\](squealx .*?)\[/dim\]", command.epilog or "")
         lines += ["", *(f"    {line}" for line in shown)]
+    return "\n".join([*lines, ""])
+
+
+def python() -> str:
+    """Return the page of the public names of each package, which import them when first used."""
+    lines = ["# Python API", "", "Names that a package lists may be relied on; others may change."]
+    for face in FACES:
+        module = import_module(face)
+        lines += ["", f"## {face}", "", module.__doc__ or "", "", "```{eval-rst}"]
+        for name in module.__all__:
+            found = getattr(module, name)
+            if not (isinstance(found, type) or callable(found)):
+                continue  # a plain value
+            kind = "autoclass" if isinstance(found, type) else "autofunction"
+            lines += [f".. {kind}:: {face}.{name}"]
+            lines += ["   :members:", "   :exclude-members: model_config"] * (kind == "autoclass")
+            lines += [""]
+        lines += ["```"]
     return "\n".join([*lines, ""])
 
 
