@@ -19,7 +19,9 @@ from workflow.scene.scene import BUILTIN, Scene, names
 
 HERE = Path(__file__).parent
 FACES = ("workflow", "contact", "contact.theory", "forms", "meshes", "meshes.profiles")
-ORDER = "bar- two-bars sliding stick slip contact hertz ball sphere cattaneo carter kalker tread flange"
+ORDER = (
+    "bar- two-bars sliding stick slip contact hertz ball sphere cattaneo carter kalker tread flange"
+)
 
 
 def write(folder: Path) -> None:
