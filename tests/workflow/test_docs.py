@@ -3,6 +3,7 @@
 
 import contextlib
 import io
+import json
 import re
 import shlex
 import subprocess
@@ -121,3 +122,10 @@ def test_readme_snippet_prints_what_it_says(tmp_path, monkeypatch):
     for line in out.getvalue().strip().splitlines():
         assert f"`{line}`" in re.sub(r"\s+", " ", text)
     assert code in blocks(ROOT / "docs" / "getting-started.md", "python")
+
+
+def test_versions_agree():
+    """Package, citation and metadata tell the same version."""
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert json.loads((ROOT / "codemeta.json").read_text("utf-8"))["version"] == version
