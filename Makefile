@@ -10,7 +10,7 @@ export OMP_NUM_THREADS ?= 1
 
 KERNEL := $(wildcard contact/kernel/*.[ch] forms/native/*.[ch] CMakeLists.txt)
 
-.PHONY: help setup demo test test-all lint format clean
+.PHONY: help setup demo docs test test-all lint format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -18,6 +18,7 @@ help:
 	@echo "make test   linters, type check and the test suite (PYTEST='-m \"not slow\"' for less)"
 	@echo "make test-all  the same with the long tests: rows once more at finer sizes"
 	@echo "make lint   linters and type check only;  make format  lay out Python and C"
+	@echo "make docs   the documentation into build/docs, without network; a warning is an error"
 	@echo "make setup  make .venv ready (PYTHON=... picks the interpreter)"
 	@echo "make clean  remove what was built, caches and demo/;  .venv stays"
 
@@ -30,6 +31,10 @@ demo: setup
 	rm -rf demo
 	$(BIN)/squealx run flange-transition --out demo --ranks $(RANKS)
 	$(BIN)/squealx report demo
+
+docs: setup
+	$(BIN)/sphinx-build -q -W --keep-going docs build/docs
+	@echo "build/docs/index.html"
 
 # one worker per file, the longest files first
 SUITE := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -53,5 +58,5 @@ format: setup
 	$(BIN)/clang-format -i $(filter %.c %.h,$(KERNEL))
 
 clean:
-	rm -rf build demo .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf build demo docs/made .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -path ./.venv -prune -o -name __pycache__ -type d -exec rm -rf {} +

@@ -267,3 +267,20 @@ def test_a_run_imports_only_what_it_needs(tmp_path):
     assert "dolfinx" in loaded and "workflow.simulation.stepping" in loaded
     unwanted = {"gmsh", "pyvista", "vtk", "matplotlib", "slepc4py", "meshio", "contact"}
     assert not unwanted & {name.split(".")[0] for name in loaded}
+
+
+def test_keys_schema_and_new(squealx, tmp_path):
+    """A key explained, the schema, and a scene of one's own that is valid; refused twice."""
+    code, out, _ = squealx("keys", "contacts.friction")
+    assert code == 0 and out.startswith("contacts.NAME.friction\n    Coefficient of friction")
+    code, out, _ = squealx("keys", "contacts.friction", "--json")
+    assert code == 0 and only_json(out)["keys"][0]["default"] == "0.0"
+    code, _, err = squealx("keys", "nonsense")
+    assert code == 2 and "key 'nonsense'" in err
+    code, out, _ = squealx("schema")
+    assert code == 0 and json.loads(out)["title"] == "Scene of squealx"
+    code, out, _ = squealx("new", "mine", "--from", "hertz")
+    assert code == 0 and out.split()[:2] == ["mine.toml", "squealx.schema.json"]
+    assert squealx("validate", "mine.toml")[0] == 0
+    code, _, err = squealx("new", "mine", "--from", "hertz")
+    assert code == 2 and "mine.toml: expected a new file" in err

@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # signals are ours: PETSc would print a page and exit with their number
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
-from workflow.cli import model, profile, results, scaling, study
+from workflow.cli import model, profile, results, scaling, study, writing
 from workflow.cli.errors import told
 from workflow.cli.options import (
     EXIT,
@@ -162,7 +162,7 @@ def _version(package: str) -> str:
     return ""
 
 
-for module in (model, profile, results, scaling, study):
+for module in (model, profile, results, scaling, study, writing):
     app.add_typer(module.verbs)
 
 

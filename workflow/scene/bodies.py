@@ -68,9 +68,13 @@ class Isotropic(Section):
     """
 
     law: Annotated[str, AfterValidator(_known)] = "hooke"
+    """Name of the law: `hooke`, `neo-hookean`, or one that a script has put into `LAWS`."""
     youngs_modulus: Modulus
+    """Young's modulus."""
     poisson_ratio: Ratio
+    """Poisson's ratio."""
     density: Density
+    """Mass density."""
 
     def constants(self, damping: float = 0.0) -> Any:
         """Return the elastic constants as the forms take them."""
@@ -129,14 +133,20 @@ class ElastoPlastic(Section):
 
 
 class Orthotropic(Section):
-    """Linear material with three planes of symmetry; pairs of axes in the order 12, 13, 23."""
+    """Linear material with three planes of symmetry."""
 
     law: Literal["orthotropic"]
-    youngs_moduli: tuple[Modulus, Modulus, Modulus]
-    poisson_ratios: tuple[Component, Component, Component]
-    shear_moduli: tuple[Modulus, Modulus, Modulus]
+    """Names this kind of material."""
+    youngs_moduli: tuple[Modulus, Modulus, Modulus] = Field(examples=[[12e9, 0.8e9, 0.6e9]])
+    """Young's moduli along the three axes of the material."""
+    poisson_ratios: tuple[Component, Component, Component] = Field(examples=[[0.4, 0.4, 0.3]])
+    """Poisson's ratios of the pairs 12, 13, 23."""
+    shear_moduli: tuple[Modulus, Modulus, Modulus] = Field(examples=[[0.8e9, 0.7e9, 0.1e9]])
+    """Shear moduli of the pairs 12, 13, 23."""
     axes: tuple[Axis, Axis, Axis] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    density: Density
+    """The axes of the material, three orthonormal vectors."""
+    density: Density = Field(examples=[450.0])
+    """Mass density."""
 
     def constants(self, damping: float = 0.0) -> Any:
         """Return the elastic constants as the forms take them.
@@ -169,25 +179,31 @@ class BulkViscosity(Section):
     """Pressure against fast compression, which spreads shocks over a few cells."""
 
     linear: Share = 0.06
+    """Coefficient of the pressure in proportion to the rate of volume."""
     quadratic: Share = 1.5
+    """Coefficient of the pressure in proportion to its square."""
 
 
 class Body(Section):
-    """Regions of the mesh that share a material, an element and kinematics.
-
-    ``kinematics``, if left out, is ``total-lagrangian`` for a body that the scene makes turn by
-    ``rolling`` or ``driven``, else ``small-strain``.
-    ``element`` is ``full`` (2x2x2 points), ``one-point`` with hourglass control (its stiffness from
-    the material unless ``hourglass_coefficient`` is given) or ``selective``, which does not lock at
-    Poisson ratios near 1/2.
-    """
+    """Regions of the mesh that share a material, an element and kinematics."""
 
     regions: list[str] = Field(min_length=1)
+    """Regions of the mesh that this body is made of."""
     material: Material
+    """Law and constants of the material."""
     kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
+    """Strain measure; left out, `total-lagrangian` for a body that the scene makes turn."""
     element: Literal["full", "one-point", "selective"] = "full"
-    hourglass_coefficient: Factor | None = None
+    """Integration of the hexahedra: `full` has 2 × 2 × 2 points, `one-point` one and hourglass
+    control, `selective` the mean change of volume, which does not lock near ν = 1/2.
+    """
+    hourglass_coefficient: Factor | None = Field(default=None, examples=[0.1])
+    """Hourglass stiffness of `one-point` cells; left out, it comes from the material."""
     stiffness_damping: Delay = 0.0
+    """Rayleigh damping in proportion to the stiffness: damping ratio π f times this."""
     mass_damping: Rate = 0.0
+    """Rayleigh damping in proportion to the mass."""
     bulk_viscosity: BulkViscosity | None = None
+    """Pressure against fast compression; left out, there is none."""
     velocity: tuple[Speed, Speed, Speed] | None = None
+    """Velocity of the whole body at time zero."""

@@ -11,18 +11,25 @@ from workflow.scene.units import Friction, Length, Section, SlipRate, SlipSpeed
 class Memory(Section):
     """Slip over which the coefficient follows its law; below ``floor`` it follows with time."""
 
-    length: Length
+    length: Length = Field(examples=[1e-5])
+    """Slip over which the coefficient follows its law."""
     floor: SlipSpeed = 1e-3
+    """Slip rate below which it follows with time instead."""
 
 
 class Exponential(Section):
     """Falls from ``static`` to ``kinetic`` as ``exp(-slip rate / decay)``."""
 
     law: Literal["exponential"]
+    """Names this law."""
     static: Friction
+    """Coefficient at no slip rate."""
     kinetic: Friction
+    """Coefficient at high slip rates."""
     decay: SlipSpeed
+    """Slip rate at which 1/e of the difference is left."""
     memory: Memory | None = None
+    """Slip that the coefficient lags behind; left out, it follows at once."""
 
     def steady(self) -> Any:
         """Return the law without its memory."""
@@ -35,10 +42,15 @@ class Rational(Section):
     """Falls from ``static`` to ``kinetic`` as ``1 / (1 + slip rate / speed)``."""
 
     law: Literal["rational"]
-    static: Friction
-    kinetic: Friction
-    speed: SlipSpeed
+    """Names this law."""
+    static: Friction = Field(examples=[0.5])
+    """Coefficient at no slip rate."""
+    kinetic: Friction = Field(examples=[0.2])
+    """Coefficient at high slip rates."""
+    speed: SlipSpeed = Field(examples=[0.5])
+    """Slip rate at which half of the difference is left."""
     memory: Memory | None = None
+    """Slip that the coefficient lags behind; left out, it follows at once."""
 
     def steady(self) -> Any:
         """Return the law without its memory."""
@@ -51,9 +63,13 @@ class Tabulated(Section):
     """Through points of slip rate and coefficient, linear between, constant beyond."""
 
     law: Literal["tabulated"]
-    slip_rate: list[SlipRate] = Field(min_length=1)
-    coefficient: list[Friction] = Field(min_length=1)
+    """Names this law."""
+    slip_rate: list[SlipRate] = Field(min_length=1, examples=[[0.0, 0.1, 1.0]])
+    """Slip rates of the points, increasing."""
+    coefficient: list[Friction] = Field(min_length=1, examples=[[0.5, 0.4, 0.3]])
+    """Coefficient at each of them."""
     memory: Memory | None = None
+    """Slip that the coefficient lags behind; left out, it follows at once."""
 
     def steady(self) -> Any:
         """Return the law without its memory."""
@@ -66,8 +82,11 @@ class Expression(Section):
     """An expression of ``slip_rate``, ``pressure``, ``t`` and ``previous``."""
 
     law: Literal["expression"]
-    expression: str
+    """Names this law."""
+    expression: str = Field(examples=["0.3 * exp(-slip_rate / 0.5) + 0.1"])
+    """Formula in NumPy's words, of `slip_rate` [m/s], `pressure` [Pa], `t` [s] and `previous`."""
     memory: Memory | None = None
+    """Slip that the coefficient lags behind; left out, it follows at once."""
 
     def steady(self) -> Any:
         """Return the law without its memory."""

@@ -38,9 +38,13 @@ class BarMesh(Section):
     surfaces: ClassVar = (*SIDES, "zmin")
 
     kind: Literal["bar"]
+    """Names this shape."""
     length: Length
+    """Length along x."""
     width: Length
+    """Edge of its square section."""
     size: Length
+    """Longest edge of the cells."""
 
 
 class BlocksMesh(Section):
@@ -50,10 +54,15 @@ class BlocksMesh(Section):
     surfaces: ClassVar = (*SIDES, "block_bottom", "base_bottom", "base_top")
 
     kind: Literal["block-on-base"]
+    """Names this shape."""
     size: Length
+    """Longest edge of the cells of the block."""
     base_size: Length
+    """Longest edge of the cells of the base."""
     block: tuple[Length, Length, Length]
+    """Length, width and height of the block."""
     base: tuple[Length, Length, Length]
+    """Length, width and height of the base."""
 
 
 class CapMesh(Section):
@@ -63,42 +72,59 @@ class CapMesh(Section):
     surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
 
     kind: Literal["cap-on-block"]
+    """Names this shape."""
     radius: Length
+    """Radius of the sphere."""
     extent: Length
+    """Edge of the quarter that is modelled; also depth and height."""
     size: Length
+    """Edge of the cells at the contact."""
     growth: Growth = 1.2
+    """Ratio of neighbouring edges away from the contact."""
 
 
 Ends = tuple[Position, Position]
+Place = tuple[Position, Position, Position]
 
 
 class CurvedMesh(Section):
-    """Two curved bodies that touch at the origin, uniform cells in a zone around it.
-
-    ``radius`` lies in the x-z plane and ``crown`` across it; one left out is flat. ``layers`` equal
-    cells along y take the place of ``fine_y``, one of them makes plane strain between held sides.
-    With ``rolls`` the upper body is a sector of a ring, ``x`` counted along its running circle.
-    """
+    """Two curved bodies that touch at the origin, uniform cells in a zone around it."""
 
     regions: ClassVar = ("roller", "base")
     surfaces: ClassVar = (*SIDES, "cap", "base_bottom", "base_top")
 
     kind: Literal["curved-on-curved"]
+    """Names this shape."""
     size: Length
+    """Edge of the cells of the upper body at the contact."""
     base_size: Length | None = None
+    """The same of the lower body; `size` if left out."""
     growth: Growth = 1.2
+    """Ratio of neighbouring edges outside the fine zone."""
     x: Ends
+    """Ends of both bodies along x."""
     fine_x: Ends
+    """Ends of the zone of uniform cells along x."""
     y: Ends
+    """Ends of both bodies along y."""
     fine_y: Ends | None = None
+    """Ends of the zone of uniform cells along y."""
     layers: Count | None = None
+    """Number of equal cells along y in place of `fine_y`; 1 between held sides: plane strain."""
     height: Length
+    """Height of the upper body."""
     depth: Length
+    """Depth of the lower body."""
     radius: Length | None = None
+    """Radius of the upper body in the x-z plane; flat if left out."""
     crown: Length | None = None
-    base_radius: Length | None = None
+    """Radius of the upper body in the y-z plane; flat if left out."""
+    base_radius: Length | None = Field(default=None, examples=[0.3])
+    """Radius of the lower body in the x-z plane; flat if left out."""
     base_crown: Length | None = None
+    """Radius of the lower body in the y-z plane; flat if left out."""
     rolls: bool = False
+    """Makes the upper body a sector of a ring, `x` counted along its running circle."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -110,80 +136,101 @@ class CurvedMesh(Section):
 
 
 class Sleepers(Section):
-    """Half sleepers under the rail, boxes of a few cells from the track centre outwards.
-
-    ``height`` is that in the middle of the rail seat, ``pad`` the gap between seat and rail.
-    """
+    """Half sleepers under the rail, boxes of a few cells from the track centre outwards."""
 
     spacing: Length
+    """Distance between sleepers."""
     length: Length
+    """From the track centre outwards."""
     width: Length
+    """Extent along the rail."""
     height: Length
+    """Height in the middle of the rail seat."""
     pad: Length
+    """Gap between rail seat and rail foot, where the pad is."""
     cells: tuple[Count, Count, Count] = (2, 6, 1)
+    """Numbers of cells along width (x), length (y) and height (z)."""
 
 
 class StripMesh(Section):
     """Narrow cells across the profiles of wheel and rail, where patches are narrow.
 
-    ``size`` is their width along the profile. ``wheel`` and ``rail`` are the arc lengths between
-    which they lie; left out, from the flange pressed into the gauge corner to the shoulder where
-    the tread touches as it comes there.
+    Where no arc lengths are given they reach from the flange pressed into the gauge corner to the
+    shoulder where the tread touches as it comes there.
     """
 
     size: Length
-    wheel: Ends | None = None
-    rail: Ends | None = None
+    """Width of the cells along the profile."""
+    wheel: Ends | None = Field(default=None, examples=[[0.048, 0.065]])
+    """Arc lengths on the wheel profile between which they lie; found if left out."""
+    rail: Ends | None = Field(default=None, examples=[[0.023, 0.036]])
+    """The same on the rail profile."""
 
 
 class ProfileAxes(Section):
-    """How the coordinates of a profile file are meant; what is left out is found from the points.
-
-    ``origin`` is what lies at lateral 0, ``inner`` the side of flange or gauge face (left is the
-    least lateral coordinate), ``outward`` the vertical direction away from the material, ``part``
-    which profile of a file that holds several.
-    """
+    """Meaning of the coordinates of a profile file; found from the points where left out."""
 
     unit: Literal["auto", "m", "cm", "mm", "inch"] = "auto"
+    """Unit of the coordinates."""
     origin: Literal["auto", "tape-circle", "flange-back", "rail-axis", "gauge-face"] = "auto"
+    """What lies at lateral 0."""
     inner: Literal["auto", "left", "right"] = "auto"
+    """Side of the flange or gauge face; left is the least lateral coordinate."""
     outward: Literal["auto", "up", "down"] = "auto"
-    part: Count | None = None
+    """Vertical direction away from the material."""
+    part: Count | None = Field(default=None, examples=[1])
+    """Which profile of a file that holds several, from 1 on."""
 
 
 class WheelRailMesh(Section):
-    """A wheelset half on a rail in the track position, fine where it will roll.
-
-    A profile is the name of a built-in one or of a file of points: text, MiniProf, SIMPACK; a rail
-    head from a file is joined to web and foot of ``rail_base``. The tape circle lies
-    ``flange_back`` from the flange back, the gauge is measured ``gauge_depth`` below the rail top.
-    ``lateral_shift``, if given, takes the place of ``flange_gap``. ``roll`` is the angle by which
-    the axle rises towards the field side.
-    """
+    """A wheelset half on a rail in the track position, fine where it will roll."""
 
     kind: Literal["wheel-on-rail"]
+    """Names this mesh."""
     size: Length
+    """Edge of the cells where the wheel will roll."""
     wheel_profile: str = "S1002"
+    """Built-in profile or a file of points: text, MiniProf, SIMPACK."""
     rail_profile: str = "54E1"
+    """Built-in profile or a file of points; a head is joined to web and foot of `rail_base`."""
     rail_base: Literal["54E1", "60E1"] = "54E1"
+    """Rail whose web and foot carry a head from a file."""
     profile_smoothing: Distance = 0.0
+    """Distance (rms) that the curve may keep from measured points."""
     wheel_axes: ProfileAxes | None = None
+    """How the coordinates of the wheel's file are meant; found from the points if left out."""
     rail_axes: ProfileAxes | None = None
+    """How the coordinates of the rail's file are meant; found from the points if left out."""
     wheel_design: str = "D_curved_web"
+    """Drawing of the web and hub of the wheel."""
     wheel_radius: Length = 0.46
+    """Radius at the tape circle."""
     flange_back: Length = 0.070
+    """From the flange back to the tape circle."""
     back_to_back: Length = 1.360
+    """Distance between the flange backs of both wheels."""
     inclination: Slope = 1 / 40
+    """Inclination of the rail towards the track centre: 1/40 is 0.025."""
     gauge: Length = 1.435
+    """Track gauge."""
     gauge_depth: Length = 0.014
+    """The gauge is measured this far below the rail top."""
     rail_length: Length = 10.0
+    """Length of rail that is modelled."""
     start: Position = 0.3
+    """First contact, counted from the middle of the rail."""
     flange_gap: Length = 3e-4
-    lateral_shift: Position | None = None
+    """Gap between flange and gauge corner at the start."""
+    lateral_shift: Position | None = Field(default=None, examples=[-0.003])
+    """Shift of the wheelset to the field side at the start, in place of `flange_gap`."""
     roll: Angle = 0.0
+    """Angle by which the axle rises towards the field side."""
     margin: Length = 0.03
+    """Fine mesh beyond the way rolled in `time.end`, at either end."""
     strip: StripMesh | None = None
+    """Narrow cells across both profiles; none if left out."""
     sleepers: Sleepers | None = None
+    """Solid sleepers under the rail; none if left out."""
 
     @field_validator("wheel_profile", "rail_profile")
     @classmethod
@@ -210,19 +257,23 @@ class WheelRailMesh(Section):
 class FileMesh(Section):
     """A hexahedral mesh from a file of another program; its named groups are regions and surfaces.
 
-    ``scale`` is the length of the file's unit. ``groups`` names the groups to use, by their name in
-    the file, and what to call them here; all are used if it is left out. ``size`` is the edge of
-    the cells where bodies touch, the shortest of the mesh if left out. A wheel that rolls needs
-    ``wheel_centre``, a point of its axle, and ``rolling_radius`` at its first contact.
+    A wheel that rolls needs ``wheel_centre`` and ``rolling_radius``.
     """
 
     kind: Literal["file"]
-    path: str
+    """Names this source."""
+    path: str = Field(examples=["wheel.msh"])
+    """Mesh file, from the scene's folder: gmsh, Abaqus, Salome, anything meshio reads."""
     scale: Length = 1.0
-    groups: dict[str, str] | None = None
-    size: Length | None = None
-    wheel_centre: tuple[Position, Position, Position] | None = None
-    rolling_radius: Length | None = None
+    """Length of the file's unit."""
+    groups: dict[str, str] | None = Field(default=None, examples=[{"RAIL_TOP": "railhead"}])
+    """Groups to use, by their name in the file, and what to call them; all if left out."""
+    size: Length | None = Field(default=None, examples=[0.001])
+    """Edge of the cells where bodies touch; the shortest of the mesh if left out."""
+    wheel_centre: Place | None = Field(default=None, examples=[[0.0, 0.75, 0.46]])
+    """A point of the axle of a wheel that rolls."""
+    rolling_radius: Length | None = Field(default=None, examples=[0.46])
+    """Radius of a wheel that rolls at its first contact."""
 
     @field_validator("path")
     @classmethod
@@ -262,22 +313,29 @@ class FileMesh(Section):
 class GmshMesh(Section):
     """A model of gmsh, meshed for the run; its physical groups are regions and surfaces.
 
-    The model is a script (``path``, a ``.geo``), a function by name (``function``, ``file:name`` of
-    a Python file) or one given from Python (``run(scene, out, mesh=function)``). ``parameters`` are
-    variables of a script, keywords of a function; ``size``, the edge of the cells where bodies
-    touch, is one more if it is told. ``regions`` and ``surfaces`` name the groups to use, in any
-    case. A wheel that rolls needs ``wheel_centre`` and ``rolling_radius``, as with a mesh file.
+    The model is a script (``path``), a function by name (``function``) or one given from Python,
+    ``run(scene, out, mesh=function)``. A wheel that rolls needs ``wheel_centre`` and
+    ``rolling_radius``.
     """
 
     kind: Literal["gmsh"]
-    path: str | None = None
-    function: str | None = None
+    """Names this source."""
+    path: str | None = Field(default=None, examples=["ball-on-block.geo"])
+    """Script of gmsh (`.geo`), from the scene's folder."""
+    function: str | None = Field(default=None, examples=["ball:make"])
+    """Function that builds the model: `file:name` of a Python file, from the scene's folder."""
     parameters: dict[str, int | Number | str | list[Number]] = Field(default_factory=dict)
+    """Variables of the script or keywords of the function."""
     regions: tuple[str, ...] = Field(min_length=1)
+    """Physical groups of hexahedra, in any case."""
     surfaces: tuple[str, ...] = ()
+    """Physical groups of quadrilaterals, in any case."""
     size: Length | None = None
-    wheel_centre: tuple[Position, Position, Position] | None = None
-    rolling_radius: Length | None = None
+    """Edge of the cells where bodies touch, given to the model as `size`."""
+    wheel_centre: Place | None = Field(default=None, examples=[[0.0, 0.75, 0.46]])
+    """A point of the axle of a wheel that rolls."""
+    rolling_radius: Length | None = Field(default=None, examples=[0.46])
+    """Radius of a wheel that rolls at its first contact."""
 
     @field_validator("path", "function")
     @classmethod

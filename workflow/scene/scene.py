@@ -48,29 +48,50 @@ class Scene(Section):
     """A complete run."""
 
     name: Name
+    """Name of the scene; its results go to `runs/NAME`."""
     title: str
+    """One line that says what the scene shows."""
     about: str = ""
+    """Size and usual time, for `squealx scenes`."""
     mesh: Annotated[
         BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh | GmshMesh,
         Field(discriminator="kind"),
     ]
+    """Geometry and cells; `kind` says which."""
     bodies: dict[Name, Body] = Field(min_length=1)
+    """Bodies by name: regions, material, element."""
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    """Acceleration of all that has mass."""
     contacts: dict[Name, Contact] = Field(default_factory=dict)
+    """Pairs of surfaces that may touch, by name."""
     supports: list[Support] = Field(default_factory=list)
+    """Surfaces that are held or moved."""
     loads: list[Load] = Field(default_factory=list)
+    """Surfaces under traction."""
     driven: dict[str, Driven] = Field(default_factory=dict)
+    """Bodies in a prescribed rigid motion, by name of the body."""
     springs: list[Spring] = Field(default_factory=list)
+    """Springs and dampers between a surface and a point."""
     absorbing: list[Absorbing] = Field(default_factory=list)
+    """Surfaces that let waves out."""
     rolling: Rolling | None = None
+    """A wheelset that rolls."""
     vehicle: Vehicle | None = None
+    """Sprung mass and suspension on the axle box."""
     track: Track | None = None
+    """Pads, sleepers and ballast under the rail."""
     equilibrium: Equilibrium | None = None
+    """Rest before time zero; without it the run starts undeformed."""
     probes: list[Probe] = Field(default_factory=list)
+    """Places whose motion is sampled."""
     mass_scaling: MassScaling | None = None
+    """Density added to few cells that would shorten the step."""
     time: Time
+    """Duration, outputs and step."""
     guards: Guards = Guards()
+    """When a run is stopped."""
     output: Output = Output()
+    """What a run leaves besides its history."""
 
     @model_validator(mode="before")
     @classmethod

@@ -22,6 +22,7 @@ from workflow.scene.units import (
     Position,
     Section,
     Share,
+    Shrinkage,
     Speed,
     Spin,
     Step,
@@ -34,8 +35,11 @@ class RigidWall(Section):
     """A rigid plane as target."""
 
     origin: tuple[Position, Position, Position]
+    """A point of the plane."""
     normal: tuple[Component, Component, Component]
+    """Direction from the wall to the contactor."""
     half_width: Length
+    """The wall reaches this far from its origin."""
 
     @model_validator(mode="after")
     def _has_a_side(self) -> Self:
@@ -65,32 +69,39 @@ Target = Annotated[
 
 
 class Contact(Section):
-    """Contactor nodes against target facets; with ``keep`` a run stops where they part.
-
-    ``method`` is ``penalty`` (springs of ``penalty`` times effective mass over dt²),
-    ``modulus-penalty`` (``penalty`` times bulk modulus, area and area over volume of the cells
-    behind), ``implicit-penalty`` (the springs of ``penalty`` at the end of the step, at any
-    ``penalty``) or ``lagrange`` (no penetration). In ``two_pass`` each surface is contactor once. A
-    ``smooth`` target is curved by averaged normals but for edges over ``sharp_angle``. What touches
-    are the contactor's nodes or, with ``points = "quadrature"``, points in its facets.
-    ``initial_overlap`` that no static solve has made is left out of the gap (``offset``), for good
-    or fading over ``offset_time``, or pushes the bodies apart (``push``).
-    """
+    """Contactor nodes against target facets."""
 
     contactor: str
+    """Surface whose nodes are kept out of the target."""
     target: Target
+    """Surface, or a rigid wall as table."""
     friction: FrictionLaw = 0.0
+    """Coefficient of friction, or a law as table."""
     method: Literal["penalty", "modulus-penalty", "implicit-penalty", "lagrange"] = "penalty"
+    """Normal law: `penalty` has springs of `penalty` times effective mass over dt²,
+    `modulus-penalty` of `penalty` times bulk modulus of the cells behind; `implicit-penalty` the
+    first at the end of the step, stable at any stiffness; `lagrange` allows no penetration.
+    """
     penalty: Factor = 0.2
+    """Stiffness of the springs, dimensionless; explicit ones take up to 1."""
     damping: Share = 0.0
+    """Share of critical damping of explicit springs."""
     two_pass: bool = False
+    """Whether each of the surfaces is contactor once."""
     points: Literal["nodes", "quadrature"] = "nodes"
+    """What touches: the contactor's nodes, or 2 × 2 points in each of its facets."""
     smooth: bool = False
+    """Whether the target is curved by averaged normals."""
     sharp_angle: float = Field(0.7, strict=True, gt=0, lt=3.14, json_schema_extra={"unit": "rad"})
+    """Edges of a smooth target that turn by more than this stay sharp."""
     initial_overlap: Literal["offset", "push"] = "offset"
+    """Overlap at the start that no static solve made: left out of the gap, or it pushes."""
     offset_time: Delay = 0.0
+    """Time in which an overlap that was left out fades; 0: it stays."""
     stick_tolerance: Share = 0.05
+    """A node adheres where the limit exceeds its force by this share of the largest such force."""
     keep: bool = False
+    """Whether a run stops where the surfaces part."""
 
     @model_validator(mode="after")
     def _method_fits(self) -> Self:
@@ -117,17 +128,18 @@ class Contact(Section):
 
 
 class Support(Section):
-    """A surface held in some directions; ``axle`` is the axis of the yawed wheelset.
-
-    With ``velocity`` it is moved along its one direction: its speed goes smoothly from 0 to that
-    within ``ramp`` from ``begin`` on. At rest before time zero it is held.
-    """
+    """A surface held in some directions, or moved along one; before time zero it is held."""
 
     surface: str
+    """Surface that is held."""
     directions: list[Direction] = Field(min_length=1)
+    """Directions it is held in; `axle` is the axis of the yawed wheelset."""
     velocity: Speed = 0.0
+    """Speed it is moved at along its one direction; 0: it is held."""
     begin: Delay = 0.0
+    """Time at which it begins to move."""
     ramp: Delay = 0.0
+    """Time in which it comes to its speed, smoothly."""
 
     @model_validator(mode="after")
     def _moves_one_way(self) -> Self:
@@ -145,21 +157,24 @@ class Support(Section):
 
 
 class Driven(Section):
-    """A body carried by one of its surfaces in a steady rigid motion, from time zero on.
-
-    ``spin`` turns it about an axis through ``centre`` of the mesh, which moves with ``velocity``.
-    With ``steady_start`` the pattern of deformation at rest stays where it is and the material
-    flows through it, as in rolling; without, the pattern is carried along. ``shift`` is moved on
-    top of that within ``shift_time``, from rest to rest.
-    """
+    """A body carried by one of its surfaces in a steady rigid motion, from time zero on."""
 
     surface: str
+    """Surface that carries the body."""
     velocity: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    """Velocity of the motion."""
     spin: tuple[Spin, Spin, Spin] = (0.0, 0.0, 0.0)
+    """Angular velocity about the axes through `centre`."""
     centre: tuple[Position, Position, Position] = (0.0, 0.0, 0.0)
+    """A point of the axis, in the mesh; it moves with `velocity`."""
     steady_start: bool = False
+    """Whether the deformation at rest stays in place and the material flows through it, as in
+    rolling.
+    """
     shift: tuple[Position, Position, Position] = (0.0, 0.0, 0.0)
+    """Displacement on top of the motion, from rest to rest."""
     shift_time: Delay = 0.0
+    """Time in which the shift is made."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -180,20 +195,30 @@ class Load(Section):
     """A dead traction on a surface."""
 
     surface: str
+    """Surface that is loaded."""
     traction: tuple[Stress, Stress, Stress]
+    """Force over area of the undeformed surface."""
 
 
 class Rolling(Section):
     """Start of rolling: travel, spin and drive of the wheelset."""
 
     body: str
+    """Body that rolls."""
     driven_region: str
+    """Region that the torque acts on."""
     speed: Speed
+    """Speed of travel."""
     angle_of_attack: Angle = 0.0
-    travel_angle: Angle | None = None
+    """Yaw of the wheelset against the rail."""
+    travel_angle: Angle | None = Field(default=None, examples=[0.0])
+    """Direction of travel against the rail; the wheel's own plane if left out."""
     traction_coefficient: Share = 0.0
+    """Longitudinal force over normal force that the torque is set to."""
     torque_ramp: Delay = 0.0
+    """Time in which the torque comes up."""
     steady_start: bool = True
+    """Whether the wheel starts as if it had always rolled; else its deformation turns with it."""
 
     @property
     def travel(self) -> float:
@@ -202,36 +227,39 @@ class Rolling(Section):
 
 
 class Relaxation(Section):
-    """Dynamic relaxation: velocities shrink at every step until nothing moves any more.
+    """Dynamic relaxation: velocities shrink at every step until nothing moves any more."""
 
-    ``velocity_factor`` is what they are multiplied by; left out, it is found from the lowest
-    frequency that is seen in the motion. At rest the largest kinetic over internal energy of
-    ``check_interval`` steps is below ``tolerance``. With ``mass_scaling`` each cell gets the mass
-    that makes it as fast as the step allows: masses do not matter at rest.
-    """
-
-    velocity_factor: Annotated[float, Field(gt=0, lt=1)] | None = None
+    velocity_factor: Shrinkage | None = Field(default=None, examples=[0.995])
+    """What velocities are multiplied by at every step; found from the motion if left out."""
     tolerance: Factor = 1e-8
+    """Largest kinetic over internal energy at rest."""
     check_interval: Count = 250
+    """Steps between two looks at the energies."""
     max_steps: Count = 100_000
+    """Steps after which it gives up."""
     mass_scaling: bool = True
+    """Whether each cell gets the mass that makes it as fast as the step allows."""
 
 
 class Equilibrium(Section):
-    """Rest before time zero; ``approach`` moves a body into touch as first guess.
-
-    ``shift`` then moves the wheelset along its axle, to where the run is to start. ``tolerance``
-    and ``max_iterations`` are those of the static solve, ``relaxation`` is the other method.
-    """
+    """Rest before time zero."""
 
     method: Literal["static", "relaxation"] = "static"
+    """A static solve, or dynamic relaxation."""
     relaxation: Relaxation = Relaxation()
+    """Settings of dynamic relaxation."""
     tolerance: Factor = 1e-6
+    """Largest residual of the static solve over the load."""
     max_iterations: Count = 40
+    """Iterations of the static solve after which it gives up."""
     approach: dict[str, tuple[Position, Position, Position]] = Field(default_factory=dict)
+    """Displacement of bodies into touch, as first guess."""
     hold: list[Support] = Field(default_factory=list)
+    """Supports that hold only until time zero."""
     shift: Position = 0.0
+    """Displacement of the wheelset along its axle, once at rest, to where the run starts."""
     shift_increments: Count = 5
+    """Number of solves in which the shift is made."""
 
     @model_validator(mode="after")
     def _at_rest(self) -> Self:
@@ -241,72 +269,74 @@ class Equilibrium(Section):
 
 
 class Time(Section):
-    """Duration, outputs and step of a run.
-
-    ``bound`` is what the step is measured against: the ``assembled`` system with its contact and
-    other springs, or the stiffest ``cell``, 20 to 50 % shorter. ``precision`` is that of the
-    internal forces in time, those of turning bodies in frames that turn with them; all else, and
-    all statics, is computed in float64.
-    """
+    """Duration, outputs and step of a run."""
 
     end: Duration
+    """Duration of the run."""
     output_interval: Duration
+    """Time between two outputs."""
     safety: Step = 0.9
+    """Share of the stable step that is used."""
     bound: Literal["cell", "assembled"] = "assembled"
+    """What the step is measured against: the assembled system with its springs, or the stiffest
+    cell, 20 to 50 % shorter.
+    """
     precision: Literal["float64", "float32"] = "float64"
+    """Precision of the internal forces in time; all else is computed in float64."""
 
 
 class Guards(Section):
-    """When a run is stopped.
-
-    ``energy_error`` is a share of the work that contact has done, without contact of the energy
-    exchanged; ``penetration`` is a share of the contactor's cell at the node.
-    """
+    """When a run is stopped."""
 
     energy_error: Tolerance = 0.05
+    """Largest error of the energy balance, as a share of the work that contact has done; without
+    contact, of the energy exchanged.
+    """
     penetration: Tolerance = 0.5
+    """Deepest penetration, as a share of the contactor's cell."""
     check_interval: Count = 50
+    """Steps between two looks."""
 
 
 class Output(Section):
-    """What a run leaves besides its history.
-
-    A checkpoint to go on from is written every ``checkpoint_minutes`` of wall time, or every so
-    many steps, and at the end; 0 minutes: none. Probes and contact forces are sampled, averaged
-    over it, at every ``sample_interval``; none: they are not. With ``log = "json"`` what goes to
-    ``run.log`` goes to ``run.jsonl`` as well, one JSON object a line.
-    """
+    """What a run leaves besides its history."""
 
     fields: bool = True
+    """Whether displacement and velocity of all nodes are written at every output."""
     sample_interval: Duration | None = None
+    """Interval over which probes and contact forces are averaged; not sampled if left out."""
     checkpoint_minutes: Minutes = 10.0
-    checkpoint_steps: Count | None = None
+    """Wall time between two checkpoints to go on from; 0: none."""
+    checkpoint_steps: Count | None = Field(default=None, examples=[5000])
+    """Steps between two checkpoints, besides."""
     log: Literal["text", "json"] = "text"
+    """`json` writes `run.jsonl` besides `run.log`, one JSON object a line."""
 
 
 class MassScaling(Section):
-    """Density added to the cells that would make the step shorter than ``step``, as inertia only.
-
-    A run is refused that would need more than ``total``, or more than ``per_region`` in a region.
-    """
+    """Density added to the cells that would make the step shorter, as inertia only."""
 
     step: Duration
+    """Step that no cell is to shorten."""
     total: Mass
-    per_region: Mass | None = None
+    """Mass added at most; a run that would need more is refused."""
+    per_region: Mass | None = Field(default=None, examples=[1.0])
+    """The same in any one region."""
 
 
 class Probe(Section):
-    """A place in the material whose motion is sampled.
-
-    ``point`` takes the nearest node, of the named ``surface`` or ``region`` if there is one.
-    Without it, the mean of the surface (by area) or region (by mass: its centre of mass) is taken.
-    """
+    """A place in the material whose motion is sampled."""
 
     name: str = Field(pattern=r"^[\w-]+$")
+    """Name in the results."""
     point: tuple[Position, Position, Position] | None = None
-    surface: str | None = None
+    """A place; the nearest node is taken, of the surface or region if there is one."""
+    surface: str | None = Field(default=None, examples=["axle_outer"])
+    """Surface whose mean motion is taken, by area, if there is no point."""
     region: str | None = None
+    """Region whose centre of mass is taken if there is no point."""
     quantity: Literal["velocity", "displacement", "acceleration"] = "velocity"
+    """What is sampled."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

@@ -59,14 +59,15 @@ Share = Annotated[float, _number("-", ge=0), BOUNDED]
 Growth = Annotated[float, _number("-", ge=1, le=2), BOUNDED]
 Component = Annotated[float, _number("-"), BOUNDED]
 Step = Annotated[float, _number("-", gt=0, le=1.2), BOUNDED, SIZED]
+Shrinkage = Annotated[float, _number("-", gt=0, lt=1)]
 Number = Annotated[float, _number("-"), BOUNDED]  # of any unit
-Count = Annotated[int, Field(ge=1, strict=True)]
+Count = Annotated[int, Field(ge=1, strict=True, json_schema_extra={"unit": "-"})]
 Direction = Literal["x", "y", "z", "axle"]
 
 LONGEST_NAME = 100  # bytes: room for what is put around it, in file names of 255
 
 
-def _folder_name(name: str) -> str:
+def folder_name(name: str) -> str:
     """Return a name that is one of a folder too, and of none but that."""
     if (length := len(name.encode(errors="replace"))) > LONGEST_NAME:
         raise ValueError(
@@ -80,7 +81,7 @@ def _folder_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, AfterValidator(_folder_name)]
+Name = Annotated[str, AfterValidator(folder_name)]
 
 
 class SceneError(ValueError):
