@@ -175,8 +175,8 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
 def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
     """Return what results and fields take [bytes]; fields are two vectors of single precision.
 
-    A checkpoint has a copy of the results. Where steel yields, there is the plastic strain of each cell
-    besides; there are about as many as nodes.
+    A checkpoint has a copy of the results. Where steel yields, there is the plastic strain of each
+    cell besides; there are about as many as nodes.
     """
     yields = any(body.material.law in MEMORY for body in scene.bodies.values())
     fields = nodes * (100.0 + (28.0 if yields else 24.0) * outputs) if scene.output.fields else 0.0

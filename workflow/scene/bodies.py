@@ -89,27 +89,40 @@ class BackStress(Section):
     It grows to ``modulus / recall``; without recall its hardening is linear.
     """
 
-    modulus: Modulus
-    recall: Share = 0.0
+    modulus: Modulus = Field(examples=[60e9])
+    """Its first slope, of stress over plastic strain."""
+    recall: Share = Field(0.0, examples=[300.0])
+    """How fast it forgets: its largest value is `modulus / recall`; 0 for linear hardening."""
 
 
 class ElastoPlastic(Section):
     """Isotropic steel that yields: J2 plasticity with isotropic and kinematic hardening.
 
     The flow stress is ``yield_stress + hardening_modulus p + saturation_stress (1 − exp(−
-    saturation_rate p))`` of the equivalent plastic strain p; ``back_stresses`` move the yield
-    surface (Chaboche). Small or large strain, as the body's kinematics say.
+    saturation_rate p))`` of the equivalent plastic strain p. Small or large strain, as the body's
+    kinematics say.
     """
 
     law: Literal["j2"]
+    """Names this kind of material."""
     youngs_modulus: Modulus
+    """Young's modulus."""
     poisson_ratio: Ratio
+    """Poisson's ratio."""
     density: Density
+    """Mass density."""
     yield_stress: Modulus
+    """Stress at which it first yields."""
     hardening_modulus: Hardening = 0.0
-    saturation_stress: Hardening = 0.0
-    saturation_rate: Share = 0.0
-    back_stresses: tuple[BackStress, ...] = ()
+    """Linear isotropic hardening: slope of the flow stress over the plastic strain."""
+    saturation_stress: Hardening = Field(0.0, examples=[150e6])
+    """What Voce's hardening adds to the flow stress in the end; with `saturation_rate`."""
+    saturation_rate: Share = Field(0.0, examples=[40.0])
+    """How fast Voce's hardening comes: it is there to 63 % at a plastic strain of one over it."""
+    back_stresses: tuple[BackStress, ...] = Field(
+        (), examples=[[{"modulus": 60e9, "recall": 300.0}]]
+    )
+    """Kinematic hardening: back stresses after Armstrong and Frederick, as many as wanted."""
 
     def constants(self, damping: float = 0.0) -> Any:
         """Return the constants as the forms take them.
