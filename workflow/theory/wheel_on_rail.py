@@ -428,9 +428,10 @@ def _in_full_slip(
         return
     name = f"patch {place} in full slip, mean of {len(forces)} outputs"
     size = np.linalg.norm(forces, axis=2)[:, None]
-    over_nodes, over_ellipse = np.mean(size / areas, axis=0).tolist()
-    yield Expected(f"{name}: mean shear over the area of nodes", "Pa", *over_nodes, HALF_SPACE)
-    yield Expected(f"{name}: mean shear over the ellipse", "Pa", *over_ellipse, HALF_SPACE)
+    over = zip(("area of nodes", "ellipse"), np.mean(size / areas, axis=0), strict=True)
+    for what, (value, exact) in over:
+        quantity = f"{name}: mean shear over the {what}"
+        yield Expected(quantity, "Pa", float(value), float(exact), HALF_SPACE)
     # on the lower body, which shear_angle takes on the upper one
     found, answer = (shear_angle(-force) for force in np.mean(forces, axis=0))
     yield Expected(f"{name}: angle θ of the shear", "rad", found, answer, HALF_SPACE)
