@@ -27,7 +27,7 @@ def fed(pencil: Pencil, eigen: Eigen) -> tuple[list[dict[str, Any]], Complex]:
     rows: list[dict[str, Any]] = []
     if pencil.comm.rank == 0:
         for value, shape, residual in zip(eigen.values, shapes, eigen.residuals, strict=True):
-            by = {}
+            by: dict[str, float] = {}
             for face in pencil.faces:
                 for name, rate in patches(face, value, shape):
                     by[name] = by.get(name, 0.0) + rate

@@ -90,9 +90,9 @@ def pencil(model: Model, faces: list[Face]) -> Pencil:
     damped += [(rows, rows, item.nodal) for item in model.items if isinstance(item, MassDamping)]
     if model.connections is not None:
         total = 3 * domain.V.dofmap.index_map.size_global
-        K, C = model.connections.tangent(number, total)
-        stiff.append(K)
-        damped.append(C)
+        springs, dampers = model.connections.tangent(number, total)
+        stiff.append(springs)
+        damped.append(dampers)
     place = numbers_of(domain, number)
     at_contacts = [contact_parts(face, place) for face in faces] if comm.rank == 0 else []
     parts = [stiff, damped, [], []]
@@ -121,7 +121,8 @@ def damping_of_bodies(model: Model) -> PETSc.Mat:
 
 def triplets(A: PETSc.Mat) -> Triplets:
     """Return the entries of this rank's rows: global rows, columns and values."""
-    start, columns, values = A.getValuesCSR()
+    csr: Any = A.getValuesCSR()
+    start, columns, values = csr
     rows = A.getOwnershipRange()[0] + np.repeat(np.arange(len(start) - 1), np.diff(start))
     return rows, columns, values
 
@@ -201,10 +202,11 @@ def free_motions(model: Model, points: Array) -> csr_array:
 
 def local_matrix(comm: MPI.Comm, T: csr_array) -> PETSc.Mat:
     """Return a matrix whose blocks of the ranks are these."""
-    first = comm.exscan(T.shape[1]) or 0
-    sizes: Any = (T.shape[0], None), (T.shape[1], None)
-    csr: Any = tuple(x.astype(PETSc.IntType) for x in (T.indptr, T.indices + first)), T.data
-    return PETSc.Mat().createAIJ(sizes, csr=(*csr[0], csr[1]), comm=comm)
+    first = sum(comm.allgather(T.shape[1])[: comm.rank])
+    start, columns = (x.astype(PETSc.IntType) for x in (T.indptr, T.indices + first))
+    A: Any = PETSc.Mat()
+    sizes = (T.shape[0], None), (T.shape[1], None)
+    return A.createAIJ(sizes, csr=(start, columns, T.data), comm=comm)
 
 
 def assembled(comm: MPI.Comm, local: int, parts: Iterable[Triplets]) -> PETSc.Mat:
@@ -217,7 +219,8 @@ def assembled(comm: MPI.Comm, local: int, parts: Iterable[Triplets]) -> PETSc.Ma
     """
     none = np.zeros(0, dtype=np.int64)
     rows, columns, values = map(np.concatenate, zip((none, none, np.zeros(0)), *parts, strict=True))
-    A: Any = PETSc.Mat().create(comm)
+    A: Any = PETSc.Mat()
+    A.create(comm)
     A.setSizes(((local, None), (local, None)))
     A.setType("aij")
     A.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))

@@ -20,6 +20,7 @@ from scipy.linalg import eig
 from meshes.arrays import Array
 from workflow.modes.solve import BELOW, below, direct, within
 from workflow.scene.scene import SceneError
+from workflow.simulation.elastic import DIFFERENT
 from workflow.squeal.pencil import Complex, Pencil, rows_of
 
 TOLERANCE = 1e-10  # of an eigenvalue
@@ -90,7 +91,8 @@ def full(pencil: Pencil, top: float, count: int) -> Eigen:
 
 def solver(K: PETSc.Mat, C: PETSc.Mat, wanted: int) -> Any:
     """Return the solver of the quadratic problem for the eigenvalues next to the shift."""
-    unit = PETSc.Mat().createAIJ(K.getSizes(), nnz=1, comm=K.getComm())
+    unit: Any = PETSc.Mat()
+    unit.createAIJ(K.getSizes(), nnz=1, comm=K.getComm())
     unit.assemble()
     unit.shift(1.0)
     pep = SLEPc.PEP().create(K.getComm())
@@ -120,7 +122,7 @@ def read(pep: Any, k: int, reach: float) -> tuple[complex, Complex]:
 def summed(A: PETSc.Mat, B: PETSc.Mat, scale: float) -> PETSc.Mat:
     """Return ``scale (A + B)``."""
     out = A.copy()
-    out.axpy(1.0, B, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    out.axpy(1.0, B, structure=DIFFERENT)
     out.scale(scale)
     return out
 
@@ -151,7 +153,7 @@ def residuals(pencil: Pencil, values: Complex, shapes: Complex) -> Array:
 
 def times(A: PETSc.Mat, rows: Array) -> Array:
     """Return the products of a matrix with vectors, a row each."""
-    x, y = A.createVecs()
+    x, y = A.createVecRight(), A.createVecLeft()
     out = np.empty_like(rows)
     for k, row in enumerate(rows):
         x.array[:] = row
@@ -229,11 +231,11 @@ def contact_modes(pencil: Pencil, omega: float) -> Array:
             out.append(force @ pencil.T)
     A = pencil.K.copy()
     A.shift(omega**2)
-    pc = PETSc.PC().create(pencil.comm)
+    pc = PETSc.PC().create(A.getComm())
     pc.setOperators(A)
     direct(pc)
     pc.setUp()
-    x, y = A.createVecs()
+    x, y = A.createVecRight(), A.createVecLeft()
     found = np.vstack(out)
     for row in found:
         x.array[:] = row
@@ -247,7 +249,7 @@ def orthonormal(comm: MPI.Comm, shapes: Array) -> Array:
     """Return an orthonormal basis of shapes, rows of the parts on this rank; collective."""
     for _ in range(2):  # the second time for what round-off has left
         size = np.sqrt(comm.allreduce((shapes**2).sum(axis=1)))
-        shapes = shapes / size[:, None]
+        shapes = shapes[size > 0.0] / size[size > 0.0, None]  # none where all is held
         gram = comm.allreduce(shapes @ shapes.T)
         values, vectors = comm.bcast(np.linalg.eigh(gram))
         kept = values > ALIKE * values[-1]

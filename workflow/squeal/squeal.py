@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import tomli_w
 
+from meshes.arrays import Flags
 from meshes.hexmesh import HexMesh
 from meshes.quality import edge_lengths
 from workflow.model import Model, build
@@ -202,10 +203,15 @@ def contacts_of(faces: list[Face]) -> dict[str, dict[str, Any]]:
 
 def up_to(eigen: Eigen, top: float) -> Eigen:
     """Return the vibrations up to a frequency [Hz] and what grows without; rigid motion is none."""
-    f = eigen.values.imag / (2 * np.pi)
-    moves = np.abs(eigen.values) > 2 * np.pi * RIGID
-    kept = moves & (f <= top) & ((f > 0.0) | (eigen.values.real > 0.0))
+    kept = vibrates(eigen.values, top)
     return Eigen(eigen.values[kept], eigen.shapes[kept], eigen.residuals[kept])
+
+
+def vibrates(values: Complex, top: float) -> Flags:
+    """Return which eigenvalues are vibrations up to a frequency [Hz], or grow without."""
+    f = values.imag / (2 * np.pi)
+    moves = np.abs(values) > 2 * np.pi * RIGID
+    return moves & (f <= top) & ((f > 0.0) | ((f == 0.0) & (values.real > 0.0)))
 
 
 def labelled(value: complex, fed_by: dict[str, Any]) -> dict[str, Any]:
@@ -236,8 +242,7 @@ def locus(
     found = []
     for f in friction:
         values, _ = few.pencil.comm.bcast(few.values(f / own))
-        values = values[(values.imag >= 0.0) & (np.abs(values) > 2 * np.pi * RIGID)]
-        values = np.sort_complex(-1j * values[values.imag <= 2 * np.pi * top])
+        values = np.sort_complex(-1j * values[vibrates(values, top)])
         modes = [
             {"frequency": float(v.real / (2 * np.pi)), "growth_rate": -float(v.imag)}
             for v in values
