@@ -80,7 +80,7 @@ def test_slopes_of_a_law():
 
 def test_stick_and_no_slip():
     """Contacts told to stick have tangential springs and no friction; at rest nothing slides."""
-    plate, pair, state = plate_on_plane(coulomb(FRICTION))
+    _, pair, state = plate_on_plane(coulomb(FRICTION))
     with pytest.raises(ValueError, match="25 of 25 contacts do not slide"):
         sliding(pair.passes[0], state, 0.0)
     on = sliding(pair.passes[0], state, 0.0, np.array([SPEED, 0.0, 5.0]))

@@ -226,3 +226,14 @@ def assembled(comm: MPI.Comm, local: int, parts: Iterable[Triplets]) -> PETSc.Ma
     A.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
     A.setValuesCOO(values)
     return A
+
+
+def times(A: PETSc.Mat, rows: Array) -> Array:
+    """Return the products of a matrix with vectors, a row each."""
+    x, y = A.createVecRight(), A.createVecLeft()
+    out = np.empty_like(rows)
+    for k, row in enumerate(rows):
+        x.array[:] = row
+        A.mult(x, y)
+        out[k] = y.array_r
+    return out

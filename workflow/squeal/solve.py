@@ -21,7 +21,7 @@ from meshes.arrays import Array
 from workflow.modes.solve import BELOW, below, direct, within
 from workflow.scene.scene import SceneError
 from workflow.simulation.elastic import DIFFERENT
-from workflow.squeal.pencil import Complex, Pencil, rows_of
+from workflow.squeal.pencil import Complex, Pencil, rows_of, times
 
 TOLERANCE = 1e-10  # of an eigenvalue
 SHIFT = 0.5  # over the highest frequency
@@ -149,17 +149,6 @@ def residuals(pencil: Pencil, values: Complex, shapes: Complex) -> Array:
         left = left + factor * (times(A, shapes.real) + 1j * times(A, shapes.imag))
     square = pencil.comm.allreduce((np.abs(left) ** 2).sum(axis=1))
     return np.asarray(np.sqrt(square) / np.maximum(np.abs(values) ** 2, 1e-300))
-
-
-def times(A: PETSc.Mat, rows: Array) -> Array:
-    """Return the products of a matrix with vectors, a row each."""
-    x, y = A.createVecRight(), A.createVecLeft()
-    out = np.empty_like(rows)
-    for k, row in enumerate(rows):
-        x.array[:] = row
-        A.mult(x, y)
-        out[k] = y.array_r
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,8 +27,9 @@ from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.threads import one_per_rank
 from workflow.squeal.feeding import fed
 from workflow.squeal.pencil import Complex, pencil
-from workflow.squeal.sliding import Face, steady
+from workflow.squeal.sliding import Face
 from workflow.squeal.solve import Eigen, Projection, check_count, full, projection
+from workflow.squeal.steady import steady
 
 ROADS = ("full", "projection")
 CELLS = 4.0  # per wavelength of shear, at least
@@ -143,6 +144,10 @@ def check(
         raise SceneError(f"--stick {', '.join(unknown)}: expected some of {list(scene.contacts)}")
     if not scene.contacts:
         raise SceneError(f"{scene.name}: no contacts; expected one with friction, for squeal")
+    if scene.equilibrium is None:
+        raise SceneError(
+            f"{scene.name}: no [equilibrium]; expected one, to bring the bodies to rest in contact"
+        )
     if all(contact.friction == 0.0 for contact in scene.contacts.values()):
         raise SceneError(
             f"contacts.{next(iter(scene.contacts))}.friction = 0: nothing that could squeal; "

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rows 37 to 39: mass on a belt, mode coupling, sliding block: by eigenvalues and in time."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from workflow import Scene, run
+from workflow.squeal.squeal import squeal
+from workflow.stability.growth import growth
+
+OMEGA = 1e4  # rad/s, unit of frequency in mode-coupling
+DECAY, SPEED, FORCE, MASS, STIFFNESS = 0.1, 0.1, 100.0, 1.0, 1e4  # mass-on-belt
+
+
+def coupled(friction):
+    """Eigenvalue λ of largest real part of row 38 [rad/s]."""
+    K = np.array([[2.0, 0.2 - friction], [0.2, 2.2]])
+    values = np.emath.sqrt(-np.linalg.eigvals(K).astype(complex)) * OMEGA
+    return max([*values, *-values], key=lambda value: (round(value.real, 6), value.imag))
+
+
+@pytest.mark.parametrize("road", ["full", "projection"])
+@pytest.mark.parametrize("friction", [0.24, 0.26, 0.3, 0.5])
+def test_mode_coupling_row_38(road, friction):
+    """``M = I, K = [[2, 0.2 - f], [0.2, 2.2]]`` in units of 1e4 rad/s: unstable above f = 0.25.
+
+    For f = 0.3 it grows by 0.03449 at 1.4495. The scene has the same as a block in the contact
+    kernel, all of whose growth comes from the contact.
+    """
+    scene = Scene.load("mode-coupling", **{"contacts.sole.friction": friction})
+    found = squeal(scene, comm=MPI.COMM_SELF, top=5e3, road=road).summary
+    growing = [mode for mode in found["modes"] if mode["kind"] == "flutter"]
+    assert len(growing) == found["unstable"] == (friction > 0.25)
+    if growing:
+        (mode,), exact = growing, coupled(friction)
+        assert mode["growth_rate"] == pytest.approx(exact.real, rel=2e-3)
+        assert mode["frequency"] == pytest.approx(exact.imag / (2 * np.pi), rel=5e-4)
+        assert mode["fed_by"] == {"sole": pytest.approx(mode["growth_rate"])}
+
+
+@pytest.mark.slow
+def test_mode_coupling_in_time_row_38(tmp_path):
+    """The run of the scene grows by 344.9 per second at 2306.9 Hz, as the eigenvalues say."""
+    rows = []
+
+    def watch(model):
+        if model.state.step % 20 == 0:
+            rows.append((model.state.t, model.pairs["sole"].normal_force))
+
+    scene = Scene.load("mode-coupling", **{"output.fields": False, "time.end": 8e-3})
+    run(scene, tmp_path / "out", MPI.COMM_SELF, watch=watch, quiet=True)
+    t, force = np.array(rows).T
+    late, exact = t > 2e-3, coupled(0.3)
+    seen = growth(t[late], force[late] / force[0])
+    assert seen.sure
+    assert seen.rate == pytest.approx(exact.real, rel=1e-2)
+    assert seen.frequency == pytest.approx(exact.imag / (2 * np.pi), rel=1e-2)
+
+
+def test_falling_friction_excites_row_37():
+    """A mass on a belt whose friction falls is a spring with the damper ``N f'(v)``, negative.
+
+    ``λ² m + λ N f' + k = 0`` with ``f' = -(0.4 - 0.3) / d exp(-v / d)``. With the sharp fall of the
+    scene itself nothing is left of the slope at 0.1 m/s, and it grows by no vibration: the limit
+    cycle is reached by sticking.
+    """
+    slope = -0.1 / DECAY * np.exp(-SPEED / DECAY)
+    rate = -FORCE * slope / (2 * MASS)
+    omega = np.sqrt(STIFFNESS / MASS - rate**2)
+    scene = Scene.load("mass-on-belt", **{"contacts.sole.friction.decay": DECAY})
+    (mode,) = squeal(scene, comm=MPI.COMM_SELF, top=1e3).summary["modes"]
+    assert mode["growth_rate"] == pytest.approx(rate, rel=1e-4)
+    assert mode["frequency"] == pytest.approx(omega / (2 * np.pi), rel=1e-4)
+    found = squeal(Scene.load("mass-on-belt"), comm=MPI.COMM_SELF, top=1e3).summary
+    assert found["unstable"] == 0

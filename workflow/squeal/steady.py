@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steady sliding of a scene: at rest under its loads and its friction, with the slip of its start.
+
+Friction presses as well as pulls: a block leans forward on it. So the normal forces are found with
+it, by static solves between which the friction follows them. Bodies that nothing resists in some
+rigid motion accelerate; their inertia balances the forces, not ``equilibrium.hold``, which a run
+does not have either.
+"""
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+from dolfinx import la
+from scipy.linalg import eigh
+
+from meshes.arrays import Array
+from workflow.model import Model
+from workflow.model.state import State
+from workflow.scene.settings import Equilibrium
+from workflow.simulation import rolling
+from workflow.simulation.at_rest import AtRest, Log
+from workflow.simulation.equilibrium import equilibrium
+from workflow.simulation.guards import GuardError
+from workflow.simulation.initial import rest
+from workflow.simulation.secants import Secants
+from workflow.squeal.pencil import pencil, times
+from workflow.squeal.sliding import Face, faces, friction_of, in_motion
+
+ROUNDS = 40  # of friction and normal forces; few are needed while friction is below one
+SETTLED = 1e-5  # change of friction over itself
+LOOSE = 10.0  # Hz: rigid motions that are resisted less are free
+
+
+def steady(
+    model: Model,
+    slip: Array | None = None,
+    sticking: Collection[str] = (),
+    log: Log = lambda line: None,
+) -> list[Face]:
+    """Bring a model to steady sliding, in place, and return its contacts; collective.
+
+    Args:
+        model: The model.
+        slip: Velocity of contactors against targets, instead of that of the start [m/s].
+        sticking: Contacts that stick.
+        log: Called with lines of progress.
+
+    Raises:
+        SceneError: if nothing touches or slides.
+        GuardError: if there is no such state.
+    """
+    rest(model, log)
+    in_motion(model)
+
+    def find() -> list[Face]:
+        return faces(model, slip, sticking)
+
+    settle(model, find, log)
+    return find()
+
+
+def settle(model: Model, find: Callable[[], list[Face]], log: Log) -> None:
+    """Let normal forces and friction come to rest together, in place.
+
+    Args:
+        model: The model at rest without friction.
+        find: Returns its contacts.
+        log: Called with lines of progress.
+
+    Raises:
+        GuardError: if they do not.
+    """
+    n, comm = 3 * model.domain.owned, model.domain.msh.comm
+    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(n)
+    own, load, secants = np.zeros(n), always.copy(), Secants(comm)
+    settings = (model.scene.equilibrium or Equilibrium()).model_copy(update={"hold": []})
+    problem = AtRest(model, settings, load, Inertia(model, find()).add)
+    solve = equilibrium(problem, log)
+    for _ in range(ROUNDS):
+        step = friction_of(model, find()) - own
+        size = [float(np.sqrt(comm.allreduce(x @ x))) for x in (step, own + step)]
+        if size[0] <= SETTLED * size[1]:
+            return
+        log(f"sliding: friction changes by {size[0] / size[1]:.1e} of itself")
+        own += secants.improved(own, step)
+        load[:] = always + own
+        solve(False)
+    raise GuardError(
+        f"squeal: friction and normal forces do not settle within {ROUNDS} rounds; does the "
+        "friction wedge the bodies, or lift them off? Try a smaller coefficient"
+    )
+
+
+class Inertia:
+    """Inertia of bodies in the rigid motions that nothing resists: it balances all other forces.
+
+    Attributes:
+        loose: These motions, orthogonal in mass, shape ``(3 owned, k)`` [kg^-1/2].
+        mass: Of each owned dof, shape ``(3 owned,)`` [kg].
+    """
+
+    def __init__(self, model: Model, found: list[Face]) -> None:
+        """Find them: rigid motions of bodies that contacts, springs and supports leave alone."""
+        self.comm, small = model.domain.msh.comm, pencil(model, found)
+        n = 3 * model.domain.owned
+        self.mass = model.mass.array[:n]
+        moves = np.concatenate([rigid(model, name) for name in model.scene.bodies])
+        y = (moves * self.mass) @ small.T[:n]  # of free motions, which have mass one
+        own = self.comm.allreduce((moves**2 * self.mass).sum(axis=1))
+        y, own = y / np.sqrt(own)[:, None], moves / np.sqrt(own)[:, None]
+        stiff = self.comm.allreduce(y @ times(small.K, y).T)
+        held = own * self.mass @ own.T - y @ y.T  # the part that supports take away
+        stiff = stiff + (2e3 * np.pi * LOOSE) ** 2 * self.comm.allreduce(held)
+        mass = self.comm.allreduce(own * self.mass @ own.T)
+        values, vectors = self.comm.bcast(eigh((stiff + stiff.T) / 2, mass))
+        self.loose = own.T @ vectors[:, values < (2 * np.pi * LOOSE) ** 2]
+
+    def add(self, state: State, force: la.Vector) -> None:
+        """Take away what accelerates the bodies, from the sum of all other forces."""
+        n = len(self.mass)
+        along = self.comm.allreduce(self.loose.T @ force.array[:n])
+        force.array[:n] -= self.mass * (self.loose @ along)
+
+
+def rigid(model: Model, name: str) -> Array:
+    """Return the rigid motions of a body about its centre of mass, shape ``(6, 3 owned)``.
+
+    Three shifts, then three turns.
+    """
+    comm, dofs = model.domain.msh.comm, model.bodies.dofs(name)
+    mass = model.mass.array[::3][dofs, None]
+    x = model.domain.V.tabulate_dof_coordinates()[dofs]
+    total = comm.allreduce(float(mass.sum()))
+    r = x - comm.allreduce((mass * x).sum(axis=0)) / total
+    out = np.zeros((6, model.domain.owned, 3))
+    for k, axis in enumerate(np.eye(3)):
+        out[k, dofs] = axis
+        out[3 + k, dofs] = np.cross(axis, r)
+    return out.reshape(6, -1)
