@@ -49,7 +49,7 @@ def test_mode_coupling_in_time_row_38(tmp_path):
         if model.state.step % 20 == 0:
             rows.append((model.state.t, model.pairs["sole"].normal_force))
 
-    scene = Scene.load("mode-coupling", **{"output.fields": False, "time.end": 8e-3})
+    scene = Scene.load("mode-coupling", **{"output.fields": False})
     run(scene, tmp_path / "out", MPI.COMM_SELF, watch=watch, quiet=True)
     t, force = np.array(rows).T
     late, exact = t > 2e-3, coupled(0.3)
@@ -75,3 +75,31 @@ def test_falling_friction_excites_row_37():
     assert mode["frequency"] == pytest.approx(omega / (2 * np.pi), rel=1e-4)
     found = squeal(Scene.load("mass-on-belt"), comm=MPI.COMM_SELF, top=1e3).summary
     assert found["unstable"] == 0
+
+
+@pytest.mark.slow
+def test_mass_on_a_belt_in_time_row_37(tmp_path):
+    """Static friction 0.4, kinetic 0.3: sticks 20.000 ms, slips 47.124 ms, swings by 1.4142 mm.
+
+    Slip begins where the spring holds 40 N, 1 mm from where it holds the 30 N of slip, at the speed
+    of the belt, 1 mm times ω: the swing is √2 mm, slip is 3/4 of a turn, and the belt carries the
+    mass over 2 mm. At both ends of slip it is accelerated by 10 N, so it is slower than w for
+    20 ms + 2 w / (10 m/s²).
+    """
+    rows, w = [], 1e-3
+
+    def watch(model):
+        if model.state.step % 5 == 0:
+            u, v = model.state.u.x.array[::3].mean(), model.state.v.x.array[::3].mean()
+            rows.append((model.state.t, u, v))
+
+    scene = Scene.load("mass-on-belt", **{"output.fields": False, "time.end": 0.18})
+    run(scene, tmp_path / "out", MPI.COMM_SELF, watch=watch, quiet=True)
+    t, u, v = np.array(rows).T
+    late = t > 0.1  # from its second slip on
+    assert np.ptp((u - SPEED * t)[late]) / 2 == pytest.approx(np.sqrt(2) * 1e-3, rel=1e-2)
+    turns = np.flatnonzero(np.diff((np.abs(v) < w).astype(int)))
+    first, _, *_ = turns[t[turns] > 0.07]  # sticks
+    begins, ends, again = t[turns[turns >= first][:3]]
+    assert ends - begins == pytest.approx(20e-3 + 2 * w / 10.0, rel=1e-2)
+    assert again - ends == pytest.approx(1.5 * np.pi / 100.0 - 2 * w / 10.0, rel=1e-2)

@@ -33,7 +33,11 @@ class AtRest:
     """
 
     def __init__(
-        self, model: Model, settings: Equilibrium, extra: Array, inertia: Load | None = None
+        self,
+        model: Model,
+        settings: Equilibrium,
+        extra: Array,
+        inertia: Load | None = None,
     ) -> None:
         """Take a model.
 

@@ -52,7 +52,6 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
     model, settings, comm = problem.model, problem.settings, problem.model.domain.msh.comm
     n = 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
-    solver.secants.forget()  # the loads are other ones
     residual, size = problem.out_of_balance(), np.inf
     for iteration in range(settings.max_iterations + 1):
         own = residual.array[:n]

@@ -31,7 +31,7 @@ from forms.loads import MassDamping
 from meshes.arrays import Array, Index
 from meshes.domain import Domain
 from workflow.model import Model
-from workflow.simulation.elastic import elastic_stiffness
+from workflow.simulation.elastic import DIFFERENT, elastic_stiffness
 from workflow.squeal.sliding import Face
 
 Triplets = tuple[Index, Index, Array]
@@ -236,4 +236,12 @@ def times(A: PETSc.Mat, rows: Array) -> Array:
         x.array[:] = row
         A.mult(x, y)
         out[k] = y.array_r
+    return out
+
+
+def summed(A: PETSc.Mat, B: PETSc.Mat, scale: float) -> PETSc.Mat:
+    """Return ``scale (A + B)``."""
+    out = A.copy()
+    out.axpy(1.0, B, structure=DIFFERENT)
+    out.scale(scale)
     return out

@@ -20,8 +20,7 @@ from scipy.linalg import eig
 from meshes.arrays import Array
 from workflow.modes.solve import BELOW, below, direct, within
 from workflow.scene.scene import SceneError
-from workflow.simulation.elastic import DIFFERENT
-from workflow.squeal.pencil import Complex, Pencil, rows_of, times
+from workflow.squeal.pencil import Complex, Pencil, rows_of, summed, times
 
 TOLERANCE = 1e-10  # of an eigenvalue
 SHIFT = 0.5  # over the highest frequency
@@ -117,14 +116,6 @@ def read(pep: Any, k: int, reach: float) -> tuple[complex, Complex]:
     y, z = (pep.getOperators()[0].createVecRight() for _ in range(2))
     value = pep.getEigenpair(k, y, z)
     return complex(value) * reach, y.array_r + 1j * z.array_r
-
-
-def summed(A: PETSc.Mat, B: PETSc.Mat, scale: float) -> PETSc.Mat:
-    """Return ``scale (A + B)``."""
-    out = A.copy()
-    out.axpy(1.0, B, structure=DIFFERENT)
-    out.scale(scale)
-    return out
 
 
 def sorted_upper(pencil: Pencil, values: Complex, shapes: Complex) -> Eigen:

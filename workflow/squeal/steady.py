@@ -2,12 +2,13 @@
 """Steady sliding of a scene: at rest under its loads and its friction, with the slip of its start.
 
 Friction presses as well as pulls: a block leans forward on it. So the normal forces are found with
-it, by static solves between which the friction follows them. Bodies that nothing resists in some
-rigid motion accelerate; their inertia balances the forces, not ``equilibrium.hold``, which a run
-does not have either.
+it. Bodies that nothing resists in some rigid motion accelerate; their inertia balances the forces,
+not ``equilibrium.hold``, which a run does not have either.
 """
 
 from collections.abc import Callable, Collection
+
+from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import la
@@ -19,15 +20,13 @@ from workflow.model.state import State
 from workflow.scene.settings import Equilibrium
 from workflow.simulation import rolling
 from workflow.simulation.at_rest import AtRest, Log
-from workflow.simulation.equilibrium import equilibrium
 from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import rest
-from workflow.simulation.secants import Secants
-from workflow.squeal.pencil import pencil, times
+from workflow.squeal.pencil import pencil, summed, times
 from workflow.squeal.sliding import Face, faces, friction_of, in_motion
 
-ROUNDS = 40  # of friction and normal forces; few are needed while friction is below one
-SETTLED = 1e-5  # change of friction over itself
+FREED = 20  # solves at most, each of which leaves a hundredth of the free motion or less
+SHORTEST = 0.02  # part of a step of Newton's method
 LOOSE = 10.0  # Hz: rigid motions that are resisted less are free
 
 
@@ -60,7 +59,7 @@ def steady(
 
 
 def settle(model: Model, find: Callable[[], list[Face]], log: Log) -> None:
-    """Let normal forces and friction come to rest together, in place.
+    """Let normal forces and friction come to rest together, in place: Newton's method.
 
     Args:
         model: The model at rest without friction.
@@ -70,25 +69,67 @@ def settle(model: Model, find: Callable[[], list[Face]], log: Log) -> None:
     Raises:
         GuardError: if they do not.
     """
-    n, comm = 3 * model.domain.owned, model.domain.msh.comm
-    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(n)
-    own, load, secants = np.zeros(n), always.copy(), Secants(comm)
+    n, comm, u = 3 * model.domain.owned, model.domain.msh.comm, model.state.u.x
     settings = (model.scene.equilibrium or Equilibrium()).model_copy(update={"hold": []})
-    problem = AtRest(model, settings, load, Inertia(model, find()).add)
-    solve = equilibrium(problem, log)
-    for _ in range(ROUNDS):
-        step = friction_of(model, find()) - own
-        size = [float(np.sqrt(comm.allreduce(x @ x))) for x in (step, own + step)]
-        if size[0] <= SETTLED * size[1]:
+    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(n)
+    load, inertia = always.copy(), Inertia(model, find())
+    problem = AtRest(model, settings, load, inertia.add)
+
+    def left() -> tuple[list[Face], Array, float]:
+        """Return contacts, forces out of balance [N], and their size over the loads."""
+        found = find()
+        load[:] = always + friction_of(model, found)
+        force = problem.out_of_balance().array[:n].copy()
+        return found, force, float(np.sqrt(comm.allreduce(force @ force))) / problem.load_size()
+
+    found, force, size = left()
+    for k in range(settings.max_iterations + 1):
+        log(f"sliding {k}: residual {size:.2e}, {sum(len(f.patch) for f in found)} contacts")
+        if size <= settings.tolerance:
             return
-        log(f"sliding: friction changes by {size[0] / size[1]:.1e} of itself")
-        own += secants.improved(own, step)
-        load[:] = always + own
-        solve(False)
+        before, step = u.array[:n].copy(), newton_step(model, found, inertia, force)
+        share, last = 1.0, size
+        while True:
+            u.array[:n] = before + share * step
+            u.scatter_forward()
+            found, force, size = left()
+            if size < last or share < SHORTEST:
+                break
+            share /= 2
     raise GuardError(
-        f"squeal: friction and normal forces do not settle within {ROUNDS} rounds; does the "
-        "friction wedge the bodies, or lift them off? Try a smaller coefficient"
+        f"squeal: no steady sliding: residual {size:.1e} of the load after "
+        f"{settings.max_iterations} iterations, expected {settings.tolerance:.0e}; does friction "
+        "wedge the bodies, or lift them off? Try a smaller coefficient"
     )
+
+
+def newton_step(model: Model, found: list[Face], inertia: "Inertia", force: Array) -> Array:
+    """Return the displacements of the owned dofs that forces out of balance ask for [m].
+
+    Friction that changes with the normal forces has another inertia to balance it: what moves the
+    bodies freely is taken off the forces, and what is left off the displacements.
+    """
+    small, n, comm = pencil(model, found), len(force), model.domain.msh.comm
+    A, shift = summed(small.K, small.K_f, 1.0), (2 * np.pi * LOOSE) ** 2
+    A.shift(shift)
+    pc = PETSc.PC().create(A.getComm())
+    pc.setOperators(A)
+    pc.setType("lu")
+    pc.setFactorSolverType("mumps")
+    x, y = A.createVecRight(), A.createVecLeft()
+    free = (inertia.loose.T * inertia.mass) @ small.T[:n]
+    x.array[:] = force @ small.T[:n]
+    first = 0.0
+    for _ in range(FREED):
+        pc.apply(x, y)
+        along = comm.allreduce(free @ y.array_r)
+        first = max(first, float(np.abs(along).max(initial=0.0)))
+        if np.abs(along).max(initial=0.0) <= 1e-12 * first:
+            break
+        x.array[:] -= shift * (along @ free)
+    step = (small.T @ y.array_r)[:n]
+    pc.destroy()
+    return inertia.without(np.asarray(step))
 
 
 class Inertia:
@@ -120,6 +161,10 @@ class Inertia:
         n = len(self.mass)
         along = self.comm.allreduce(self.loose.T @ force.array[:n])
         force.array[:n] -= self.mass * (self.loose @ along)
+
+    def without(self, u: Array) -> Array:
+        """Return a displacement of the owned dofs without these motions [m]."""
+        return np.asarray(u - self.loose @ self.comm.allreduce(self.loose.T @ (self.mass * u)))
 
 
 def rigid(model: Model, name: str) -> Array:
