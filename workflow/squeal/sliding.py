@@ -15,9 +15,6 @@ from workflow.model.supports import supports
 from workflow.scene.scene import SceneError
 from workflow.simulation.initial import set_in_motion
 
-ROUNDS = 40  # of friction and normal forces; few are needed while friction is below one
-SETTLED = 1e-5  # change of friction and inertia over themselves
-
 
 @dataclass(frozen=True, eq=False)
 class Face:

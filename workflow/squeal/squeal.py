@@ -26,7 +26,7 @@ from workflow.results.table import Column, Table
 from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.threads import one_per_rank
 from workflow.squeal.feeding import fed
-from workflow.squeal.pencil import Complex, pencil
+from workflow.squeal.pencil import Complex, Pencil, pencil
 from workflow.squeal.sliding import Face
 from workflow.squeal.solve import Eigen, Projection, check_count, full, projection
 from workflow.squeal.steady import steady
@@ -96,15 +96,14 @@ def squeal(
             faces = steady(model, None if slip is None else np.array(slip), sticking, log)
             told(faces, log)
             small = pencil(model, faces)
-            count = check_count(small, top, most)
-            log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
             if not len(friction) and out is not None:
                 friction = np.linspace(0.0, mean_friction(faces), FOLLOWED).tolist()
+            count = check_count(small, top, most)
+            log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
             few = projection(small, top) if road == "projection" or len(friction) else None
             eigen = few.eigen(top) if road == "projection" and few else full(small, top, count)
-            eigen = up_to(eigen, top)
-            rows, shapes = fed(small, eigen)
-            table = [labelled(value, row) for value, row in zip(eigen.values, rows, strict=True)]
+            table, shapes = labelled(small, up_to(eigen, top))
+            followed = locus(few, faces, friction, top) if few else []
         found = {
             "scene": scene.name,
             "road": road,
@@ -116,7 +115,7 @@ def squeal(
             "contacts": contacts_of(faces),
             "unstable": sum(row["kind"] != "stable" for row in table),
             "modes": table,
-            "locus": locus(few, faces, friction, top) if few else [],
+            "locus": followed,
             "wall_seconds": time.perf_counter() - started,
         }
         log(f"{found['unstable']} of {len(table)} modes grow")
@@ -219,24 +218,26 @@ def vibrates(values: Complex, top: float) -> Flags:
     return moves & (f <= top) & ((f > 0.0) | ((f == 0.0) & (values.real > 0.0)))
 
 
-def labelled(value: complex, fed_by: dict[str, Any]) -> dict[str, Any]:
-    """Return the row of a mode.
+def labelled(small: Pencil, eigen: Eigen) -> tuple[list[dict[str, Any]], Complex]:
+    """Return a row for each mode, and on rank 0 their shapes by HexMesh node ``(k, n, 3)``."""
+    rows, shapes = fed(small, eigen)
+    return [
+        {
+            "frequency": float(value.imag / (2 * np.pi)),
+            "growth_rate": float(value.real),
+            "kind": kind_of(complex(value)),
+            "damping_ratio": float(-value.real / abs(value)),
+            **row,
+        }
+        for value, row in zip(eigen.values, rows, strict=True)
+    ], shapes
 
-    Args:
-        value: λ [1/s].
-        fed_by: What its growth rate is made of.
-    """
-    grows = value.real > UNSTABLE * abs(value)
-    growth, kind = float(value.real), "stable"
-    if grows:
-        kind = "flutter" if value.imag > 0.0 else "divergence"
-    return {
-        "frequency": float(value.imag / (2 * np.pi)),
-        "growth_rate": growth,
-        "kind": kind,
-        "damping_ratio": -growth / abs(value),
-        **fed_by,
-    }
+
+def kind_of(value: complex) -> str:
+    """Return what an eigenvalue [1/s] means: ``stable``, ``flutter`` or ``divergence``."""
+    if value.real <= UNSTABLE * abs(value):
+        return "stable"
+    return "flutter" if value.imag > 0.0 else "divergence"
 
 
 def locus(

@@ -29,6 +29,7 @@ from workflow.squeal.sliding import Face, faces, friction_of, in_motion
 FREED = 20  # solves at most, each of which leaves a hundredth of the free motion or less
 SHORTEST = 0.02  # part of a step of Newton's method
 LOOSE = 10.0  # Hz: rigid motions that are resisted less are free
+HELD = 1e3  # that of held ones over it
 
 
 def steady(
@@ -151,15 +152,14 @@ class Inertia:
         n = 3 * model.domain.owned
         self.mass = model.mass.array[:n]
         moves = np.concatenate([rigid(model, name) for name in model.scene.bodies])
-        y = (moves * self.mass) @ small.T[:n]  # of free motions, which have mass one
-        own = self.comm.allreduce((moves**2 * self.mass).sum(axis=1))
-        y, own = y / np.sqrt(own)[:, None], moves / np.sqrt(own)[:, None]
-        stiff = self.comm.allreduce(y @ times(small.K, y).T)
-        held = own * self.mass @ own.T - y @ y.T  # the part that supports take away
-        stiff = stiff + (2e3 * np.pi * LOOSE) ** 2 * self.comm.allreduce(held)
-        mass = self.comm.allreduce(own * self.mass @ own.T)
-        values, vectors = self.comm.bcast(eigh((stiff + stiff.T) / 2, mass))
-        self.loose = own.T @ vectors[:, values < (2 * np.pi * LOOSE) ** 2]
+        moves /= np.sqrt(self.comm.allreduce((moves**2 * self.mass).sum(axis=1)))[:, None]
+        y = (moves * self.mass) @ small.T[:n]  # what supports leave of them
+        whole = moves * self.mass @ moves.T
+        stiff, held = y @ times(small.K, y).T, whole - y @ y.T
+        stiff, held, whole = self.comm.allreduce(np.array([stiff, held, whole]))
+        stiff = (stiff + stiff.T) / 2 + (HELD * 2 * np.pi * LOOSE) ** 2 * held
+        values, vectors = self.comm.bcast(eigh(stiff, whole))
+        self.loose = moves.T @ vectors[:, values < (2 * np.pi * LOOSE) ** 2]
 
     def add(self, state: State, force: la.Vector) -> None:
         """Take away what accelerates the bodies, from the sum of all other forces."""
