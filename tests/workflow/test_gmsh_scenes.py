@@ -153,7 +153,7 @@ from workflow.model.geometry import mesh_of, read_mesh
 check(Scene.load("tread-rolling"))
 assert read_mesh(Scene.load("tread-rolling"), print) is None
 for scene in map(Scene.load, sys.argv[1:]):
-    if scene.mesh.kind != "wheel-on-rail":
+    if scene.mesh.kind not in ("wheel-on-rail", "file"):
         mesh_of(scene)
 assert not {"gmsh", "meshio"} & set(sys.modules)
 assert Scene.load("ball-on-block").mesh.kind == "gmsh" and "gmsh" not in sys.modules
