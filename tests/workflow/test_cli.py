@@ -60,11 +60,10 @@ def test_scenes_are_listed(squealx):
 
 @pytest.mark.parametrize("name", names())
 def test_validate_accepts_built_in_scenes(squealx, name):
-    """Valid without doubt, with what it costs, also with a change; of a mesh file, its extent."""
+    """Valid without doubt, with what it costs, also with a change."""
     code, out, err = squealx("validate", name)
     valid, cost, *more = out.splitlines()
-    assert (code, valid) == (0, f"{name}: valid") and cost.startswith("cost: ")
-    assert all(line.startswith("mesh file: ") for line in err.splitlines())
+    assert (code, valid, err) == (0, f"{name}: valid", "") and cost.startswith("cost: ")
     assert not any("doubt" in line for line in more)
     code, out, _ = squealx("validate", name, "--set", "mesh.size=3e-3", "--json")
     found = only_json(out)
