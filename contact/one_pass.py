@@ -268,9 +268,23 @@ class Pass:
 
         Shapes ``(m, 5)``, or ``(m, 8)`` for points; those of the facet come last.
         """
-        stacked = np.hstack([self.stack.behind(c), self.candidates.search.quad[state.facet[c]]])
-        weight = np.hstack([self.stack.weights(c), -shape_functions(state.xi[c])])
+        stacked, weight = self._joined(c, state)
         return self.stack.node[stacked], weight
+
+    def _joined(self, c: Index | Index32, state: ContactState) -> tuple[Index, Array]:
+        """Return the same with the nodes' numbers in the stack."""
+        stacked = np.hstack([self.stack.behind(c), self.candidates.search.quad[state.facet[c]]])
+        return stacked, np.hstack([self.stack.weights(c), -shape_functions(state.xi[c])])
+
+    def velocity(self, c: Index, state: State) -> Array:
+        """Return the velocity of contacts ``c`` against the target, ``(m, 3)`` [m/s]; collective.
+
+        The contacts are those of the present displacement. The spin of the facet times the gap,
+        which friction leaves out in a step, is left in: it is small against any slip.
+        """
+        self.candidates.exchange.whole(state.u.x.array, state.v.x.array)
+        stacked, weight = self._joined(c, self.contact_state)
+        return np.einsum("mi,mia->ma", weight, self.candidates.exchange.xv[stacked, 3:])
 
     def effective_mass(self, found: Found, state: ContactState) -> tuple[Array, Array]:
         """Return the effective mass [kg] of candidates and the area that both sides bring [m2].

@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from meshes.arrays import Array, Index
 
@@ -36,6 +37,28 @@ def shape_functions(xi: Array) -> Array:
     return 0.25 * np.stack(
         [(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b), (1 - a) * (1 + b)], axis=1
     )
+
+
+def relative_rows(nodes: Index, weight: Array, direction: Array, columns: Index) -> csr_array:
+    """Return the matrix from displacements to relative displacements along a direction.
+
+    Along the normals of the target these are the gaps; its transpose spreads forces over the nodes.
+
+    Args:
+        nodes: HexMesh nodes: contactor, then facet; negative for rigid ones, ``(m, n)``.
+        weight: Their weights in the gap, ``(m, n)``.
+        direction: Unit vectors, ``(m, 3)``.
+        columns: Nodes that have columns, three each, ascending, ``(k,)``; rigid ones have none.
+
+    Returns:
+        Shape ``(m, 3 k)``.
+    """
+    contact, _ = np.nonzero(nodes >= 0)
+    real = nodes >= 0
+    place = 3 * np.searchsorted(columns, nodes[real])[:, None] + np.arange(3)
+    entries = weight[real][:, None] * direction[contact]
+    shape = len(nodes), 3 * len(columns)
+    return csr_array((entries.ravel(), (np.repeat(contact, 3), place.ravel())), shape=shape)
 
 
 def stiffness_blocks(

@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import block_diag, bsr_array, csr_array, diags_array, hstack, kron
 
 from forms.rank_sums import own_part
 from forms.springs.point_masses import PointMasses
@@ -138,22 +138,76 @@ class Connections:
             Global scalar rows, columns and values [N/m].
         """
         total = self.point_stiffness()
+        if (found := self._whole(number)) is None:
+            none = np.zeros(0, dtype=np.int64)
+            return none, none, np.zeros(0)
+        B, node, point, k, _ = found
+        settling = np.where(self.masses.free > 0, total, 0.0)
+        triplets = _condensed(B, node, point, k, settling)
+        rows, columns, values = map(np.concatenate, zip(*triplets, strict=True))
+        return rows, columns, values
+
+    def _whole(self, number: Index) -> "tuple[csr_array, Index, Dofs, Array, Array] | None":
+        """Return all springs on rank 0, None elsewhere or without any; collective.
+
+        Returns:
+            Stretches by nodes, global dof block of each node; point mass at the other end (-1:
+            none), stiffness ``(n, 3)`` and damping ``(n, 3, 3)`` of each spring.
+        """
         gathered: list[Any] = []
         first = 0
         for link in self.links:
             gathered += self.comm.gather(link.entries(number, first)) or []
             first += link.count
         if not gathered:
-            none = np.zeros(0, dtype=np.int64)
-            return none, none, np.zeros(0)
-        row, node, weight, own, point, k = map(np.concatenate, zip(*gathered, strict=True))
+            return None
+        row, node, weight, own, point, k, c = map(np.concatenate, zip(*gathered, strict=True))
         order = np.argsort(own)
         node, column = np.unique(node, return_inverse=True)
         B = csr_array((weight, (row, column)), shape=(first, len(node)))
-        settling = np.where(self.masses.free > 0, total, 0.0)
-        triplets = _condensed(B, node, point[order], k[order], settling)
-        rows, columns, values = map(np.concatenate, zip(*triplets, strict=True))
-        return rows, columns, values
+        return B, node, point[order], k[order], c[order]
+
+    def tangent(self, number: Index, first: int) -> tuple[Triplets, Triplets]:
+        """Return stiffness and damping on nodes and free point masses, as triplets on rank 0.
+
+        Args:
+            number: Global dof block of each owned dof block, shape ``(owned,)``.
+            first: Number of the first free component of a point mass, in the order of ``free``.
+
+        Returns:
+            Global scalar rows, columns and values [N/m], and the same of the dampers [N s/m].
+        """
+        found, m, none = self._whole(number), self.masses, np.zeros(0, dtype=np.int64)
+        if self.comm.rank:
+            return (none, none, np.zeros(0)), (none, none, np.zeros(0))
+        parts = diags_array(m.base_stiffness.ravel()), diags_array(m.base_damping.ravel())
+        place = np.where(m.free.ravel() > 0, first - 1 + np.cumsum(m.free.ravel() > 0), -1)
+        if found is not None:
+            B, node, point, k, c = found
+            on = np.flatnonzero(point >= 0)
+            ends = csr_array((-np.ones(len(on)), (on, point[on])), (len(point), len(m.mass)))
+            stretch = kron(hstack([B, ends]), np.eye(3)).tocsr()
+            place = np.concatenate([(3 * node[:, None] + np.arange(3)).ravel(), place])
+            parts = tuple(
+                stretch.T @ blocks @ stretch + block_diag([csr_array((3 * len(node),) * 2), base])
+                for blocks, base in zip((diags_array(k.ravel()), _blocks(c)), parts, strict=True)
+            )
+        K, C = (_placed(part, place) for part in parts)
+        return K, C
+
+
+def _blocks(c: Array) -> bsr_array:
+    """Return matrices ``(n, 3, 3)`` along a diagonal."""
+    n = len(c)
+    return bsr_array((c, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n))
+
+
+def _placed(matrix: Any, place: Index) -> Triplets:
+    """Return the entries of a matrix by the number of each row and column, -1 for none."""
+    entries = matrix.tocoo()
+    row, column = place[entries.row], place[entries.col]
+    kept = (row >= 0) & (column >= 0)
+    return row[kept], column[kept], entries.data[kept]
 
 
 def _condensed(

@@ -156,7 +156,7 @@ class Springs:
 
     def entries(
         self, number: Index, first: int = 0
-    ) -> tuple[Index, Index, Array, Index, Dofs, Array]:
+    ) -> tuple[Index, Index, Array, Index, Dofs, Array, Array]:
         """Return B on the nodes as entries with global numbers, and the springs this rank owns.
 
         Args:
@@ -164,12 +164,14 @@ class Springs:
             first: Number of the first row.
 
         Returns:
-            Row, dof block and weight of each entry; row, point mass and stiffness ``(k, 3)`` of
-            each owned spring.
+            Row, dof block and weight of each entry; row, point mass, stiffness ``(k, 3)`` and
+            damping ``(k, 3, 3)`` of each owned spring.
         """
         B, own, rows = self.B[:, : len(self.dofs)].tocoo(), slice(self.owned), first + self.rows
         node = number[self.dofs][B.col]
-        return rows[B.row], node, B.data, rows[own], self.point[own], self.stiffness[own]
+        c = self.damping[own]
+        matrix = c if c.ndim == 3 else c[:, :, None] * np.eye(3)
+        return rows[B.row], node, B.data, rows[own], self.point[own], self.stiffness[own], matrix
 
     def majorant(self, coefficient: Array, mass: Array) -> Array:
         """Return springs to the ground at the nodes that are at least as stiff; collective.

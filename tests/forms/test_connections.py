@@ -234,3 +234,44 @@ def test_condensed_stiffness_is_the_derivative_of_the_settled_forces():
         connections.add(state, force)
         expected[dof, dof[j]] = -force.array
     np.testing.assert_allclose(condensed, expected, atol=1e-11 * K)
+
+
+def test_tangent_with_point_masses_is_the_derivative_of_the_forces():
+    """−∂f_i/∂u_j and −∂f_i/∂v_j over nodes and free components of masses, by exact differences.
+
+    The model of the condensed stiffness, with dampers, one of them a matrix; condensing the masses
+    out of the stiffness gives that one.
+    """
+    random = np.random.default_rng(1)
+    masses = point_masses([M, M, M], free=[0, 1, 1])
+    masses.base_stiffness[1], masses.base_damping[1] = [1e6, 2e6, 3e6], [1e3, 2e3, 3e3]
+    k, c = random.uniform(1e6, 5e6, (6, 3)), random.uniform(1e3, 5e3, (6, 3, 3))
+    dofs = np.arange(6, dtype=np.int32)
+    point = np.array([0, 0, 1, 1, -1, 2], dtype=np.int32)
+    links = [springs.spread(MPI.COMM_SELF, dofs, k, c + c.swapaxes(1, 2), point), mean(K, 1e3)]
+    connections = Connections(MPI.COMM_SELF, masses, links, 1e-6)
+    number, free = random.permutation(6), masses.free.ravel() > 0
+    dof = np.concatenate([(3 * number[:, None] + np.arange(3)).ravel(), 18 + np.arange(6)])
+    found = np.zeros((2, 24, 24))
+    for part, (rows, columns, values) in zip(found, connections.tangent(number, 18), strict=True):
+        np.add.at(part, (rows, columns), values)
+    expected = np.zeros_like(found)
+    for which, j in np.ndindex(2, 24):
+        state, force = nodes(6)
+        masses.u[:], masses.v[:] = 0.0, 0.0
+        nodal, inner = ((state.u, masses.u), (state.v, masses.v))[which]
+        if j < 18:
+            nodal.x.array[j] = 1.0
+        else:
+            inner.reshape(-1)[np.flatnonzero(free)[j - 18]] = 1.0
+        connections.add(state, force)
+        all_forces = np.concatenate([force.array, masses.force.ravel()[free]])
+        expected[which, dof, dof[j]] = -all_forces
+    np.testing.assert_allclose(found[0], expected[0], atol=1e-11 * K)
+    np.testing.assert_allclose(found[1], expected[1], atol=1e-11 * K)
+    rows, columns, values = connections.stiffness(number)
+    condensed = np.zeros((18, 18))
+    np.add.at(condensed, (rows, columns), values)
+    A = found[0]
+    settled = A[:18, :18] - A[:18, 18:] @ np.linalg.solve(A[18:, 18:], A[18:, :18])
+    np.testing.assert_allclose(settled, condensed, atol=1e-11 * K)

@@ -17,6 +17,9 @@ IDLE = {
     "pyvista",
     "meshio",
     "gmsh",
+    "slepc4py",
+    "workflow.squeal",
+    "contact.sliding",
 }
 RUN = """
 import sys

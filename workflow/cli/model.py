@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs of a scene before its run: validate, audit, export, mesh, modes."""
+"""Verbs of a scene before its run: validate, audit, export, mesh, modes, squeal."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +18,7 @@ from workflow.cli.options import (
     on_ranks,
     progress,
 )
-from workflow.scene.scene import Scene
+from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.ranks import check as check_ranks
 from workflow.simulation.ranks import in_mpi
 
@@ -186,6 +186,88 @@ def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None
 
     root = MPI.COMM_WORLD.rank == 0
     found = modes(scene, folder, log=progress(quiet=not root), **wanted)
+    if root:
+        draw(found, folder)
+        answer(as_json, found.summary, lambda: printout(found.summary))
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx squeal sliding-block --to 90000 --set contacts.face.friction=0.6",
+        "squealx squeal mode-coupling --to 3000 --friction 0.2,0.25,0.3,0.35",
+        "squealx squeal stick-slip --to 20000 --slip 4,0,0 --road projection",
+    )
+)
+def squeal(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder; runs/NAME-squeal if left out.")
+    ] = None,
+    to: Annotated[float, typer.Option(metavar="HZ", help="Highest frequency.")] = 10e3,
+    road: Annotated[
+        str, typer.Option(help="'full' matrices, or 'projection' on real and contact modes.")
+    ] = "full",
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="F,F,...",
+            help="Coefficients of the root locus; from 0 to that of the scene if left out.",
+        ),
+    ] = None,
+    slip: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VX,VY,VZ",
+            help="Velocity of contactors against targets [m/s], instead of that of the start.",
+        ),
+    ] = None,
+    stick: Annotated[
+        list[str] | None, typer.Option(help="A contact that sticks; may be repeated.")
+    ] = None,
+    most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
+    ranks: Ranks = 1,
+    oversubscribe: Oversubscribe = False,
+    as_json: Json = False,
+) -> None:
+    """Find which modes of a sliding scene grow: complex eigenvalues, what feeds them, figures."""
+    wanted: dict[str, Any] = {"top": to, "road": road, "sticking": stick or [], "most": most}
+    wanted["friction"] = numbers("--friction", friction) if friction else []
+    if slip is not None and len(values := numbers("--slip", slip)) != 3:
+        raise SceneError(f"--slip {slip!r}: expected three velocities, got {len(values)}")
+    wanted["slip"] = numbers("--slip", slip) if slip else None
+    checked = load(scene, changes)
+    folder = out or Path("runs") / f"{checked.name}-squeal"
+    if ranks > 1 and not in_mpi():
+        from workflow.results.folder import kept
+
+        check_ranks(ranks, oversubscribe)
+        with kept(folder, "squealx squeal"):
+            pass  # refused once, before there are ranks
+        words = ["squeal", "--to", str(to), "--road", road, "--most", str(most)]
+        words += [f"--friction={friction}"] * bool(friction) + [f"--slip={slip}"] * bool(slip)
+        words += [f"--stick={name}" for name in stick or []]
+        raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
+    find_squeal(checked, folder, as_json, **wanted)
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """Return the numbers of an option, parted by commas."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise SceneError(f"{option} {text!r}: expected numbers parted by commas") from None
+
+
+def find_squeal(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None:
+    """Find what grows on these ranks, draw and print it; ``wanted`` as ``squeal.squeal``."""
+    from mpi4py import MPI
+
+    from workflow.squeal.figures import draw
+    from workflow.squeal.squeal import printout, squeal
+
+    root = MPI.COMM_WORLD.rank == 0
+    found = squeal(scene, folder, log=progress(quiet=not root), **wanted)
     if root:
         draw(found, folder)
         answer(as_json, found.summary, lambda: printout(found.summary))

@@ -86,20 +86,36 @@ def spectrum(
     A = scaled(K, free, scale)
     bounds = -((2 * np.pi * BELOW) ** 2), (2 * np.pi * top) ** 2
     check_count(A, bounds, top, most)
+    values, vectors, counted = within(A, bounds)
+    shapes = np.zeros((len(values), 3 * domain.owned))
+    shapes[:, free] = vectors * scale
+    frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
+    return Spectrum(frequencies, shapes.reshape(len(values), -1, 3), mass, counted)
+
+
+def within(A: PETSc.Mat, bounds: tuple[float, float]) -> tuple[Array, Array, int]:
+    """Return all eigenvalues of a symmetric matrix in an interval.
+
+    Args:
+        A: The matrix.
+        bounds: The interval.
+
+    Returns:
+        Eigenvalues, ascending; of each the part of its unit vector on this rank, shape ``(k, n)``;
+        how many there are by inertia.
+    """
     eps = solver(A, bounds)
     eps.solve()
     _, inertias = eps.getKrylovSchurInertias()
     found, counted = eps.getConverged(), int(inertias[-1] - inertias[0])
-    values, shapes = np.zeros(found), np.zeros((found, 3 * domain.owned))
     y = A.createVecRight()
+    values, vectors = np.zeros(found), np.zeros((found, y.getLocalSize()))
     for k in range(found):
         values[k] = eps.getEigenpair(k, y).real
-        shapes[k, free] = y.array_r * scale
-    order = np.argsort(values)
-    frequencies = np.sqrt(np.maximum(values[order], 0.0)) / (2 * np.pi)
-    shapes = shapes[order].reshape(found, -1, 3)
+        vectors[k] = y.array_r
     eps.destroy()
-    return Spectrum(frequencies, shapes, mass, counted)
+    order = np.argsort(values)
+    return values[order], vectors[order], counted
 
 
 def scaled(K: PETSc.Mat, free: npt.NDArray[Any], scale: Array) -> PETSc.Mat:

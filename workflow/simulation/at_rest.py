@@ -15,6 +15,7 @@ from dolfinx import la
 from forms.loads import DeadLoad
 from meshes.arrays import Array
 from workflow.model import Model
+from workflow.model.state import Load
 from workflow.model.supports import supports
 from workflow.scene.settings import Equilibrium
 
@@ -31,7 +32,13 @@ class AtRest:
         held: Owned scalar dofs that stay.
     """
 
-    def __init__(self, model: Model, settings: Equilibrium, extra: Array) -> None:
+    def __init__(
+        self,
+        model: Model,
+        settings: Equilibrium,
+        extra: Array,
+        inertia: Load | None = None,
+    ) -> None:
         """Take a model.
 
         Args:
@@ -39,6 +46,7 @@ class AtRest:
             settings: How the scene wants its equilibrium.
             extra: More dead load of every owned dof (the centrifugal force of a spinning wheel) or
                 none, N.
+            inertia: Adds to the sum of all forces what balances it in motions that are free.
         """
         self.model, self.settings = model, settings
         self.held = held_dofs(model, settings)
@@ -51,6 +59,7 @@ class AtRest:
         acting = [item for item in items if getattr(item, "rest", item.add) is not None]
         last = [item for item in acting if getattr(item, "last", False)]
         self._last = [getattr(item, "rest", item.add) for item in last]
+        self._last += [inertia] if inertia is not None else []
         self._loads = [getattr(item, "rest", item.add) for item in acting if item not in last]
 
     def out_of_balance(self) -> la.Vector:

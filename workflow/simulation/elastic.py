@@ -83,10 +83,10 @@ class Elastic:
         return np.array(U.getDenseArray(readonly=True))
 
 
-def elastic_stiffness(model: Model) -> PETSc.Mat:
-    """Assembled stiffness at the undeformed shape, [N/m]."""
+def elastic_stiffness(model: Model, at: fem.Function | None = None) -> PETSc.Mat:
+    """Assembled stiffness at a displacement, at the undeformed shape if there is none, [N/m]."""
     V = model.domain.V
-    u, w = fem.Function(V), ufl.TestFunction(V)
+    u, w = at or fem.Function(V), ufl.TestFunction(V)
     residual = model.bodies.internal_work(u, w)
     K = assemble_matrix(compiled(ufl.derivative(residual, u, ufl.TrialFunction(V))))
     K.assemble()

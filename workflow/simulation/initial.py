@@ -47,9 +47,14 @@ def rest(model: Model, log: Log = lambda line: None) -> int:
 
 def start(model: Model, log: Log) -> None:
     """Bring the model to rest and set its initial velocities, as the scene asks."""
-    scene = model.scene
-    if scene.equilibrium is not None:
+    if model.scene.equilibrium is not None:
         rest(model, log)
+    set_in_motion(model)
+
+
+def set_in_motion(model: Model) -> None:
+    """Set the initial velocities of a model at rest, in place."""
+    scene = model.scene
     v = model.state.v.x.array.reshape(-1, 3)
     for name, body in scene.bodies.items():
         if body.velocity is not None:

@@ -15,7 +15,7 @@ from dolfinx import la
 from scipy.linalg import solve
 from scipy.sparse import csr_array, vstack
 
-from contact.tangent import RestSprings
+from contact.tangent import relative_rows
 from meshes.arrays import Array, Flags, Index
 from workflow.model import Model
 from workflow.simulation.elastic import Elastic
@@ -75,7 +75,8 @@ class Surfaces:
         for pair in self.model.pairs.values():
             at_rest = pair.springs_at_rest(self.model.state)
             for side, springs in zip(pair.passes, at_rest, strict=True):
-                found.append((first + springs.number, self._rows(springs), springs))
+                rows = relative_rows(springs.nodes, springs.weight, springs.normal, self.nodes)
+                found.append((first + springs.number, rows, springs))
                 first += side.stack.nc
         if not found:
             none = np.zeros(0)
@@ -84,15 +85,6 @@ class Surfaces:
         gap = np.concatenate([part.gap for part in parts])
         stiffness = np.concatenate([part.stiffness for part in parts])
         return Springs(np.concatenate(number), vstack(B).tocsr(), gap, stiffness)
-
-    def _rows(self, springs: RestSprings) -> csr_array:
-        """Return the gaps by displacements; those of rigid nodes are left out."""
-        spring, _ = np.nonzero(springs.nodes >= 0)
-        real = springs.nodes >= 0
-        place = np.searchsorted(self.nodes, springs.nodes[real])
-        entries = springs.weight[real][:, None] * springs.normal[spring]
-        shape = len(springs.number), 3 * len(self.nodes)
-        return csr_array((entries.ravel(), (np.repeat(spring, 3), _axes(place))), shape=shape)
 
     def read(self, u: la.Vector) -> Array:
         """Return the displacement of the surfaces, shape ``(n,)`` [m]; collective."""

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Figure of a sliding state: root locus of its modes over the coefficient of friction."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.figures import style
+from workflow.squeal.squeal import UNSTABLE, Squeal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GROWING = "#d1242f"
+
+
+def draw(result: Squeal, folder: Path) -> list[Path]:
+    """Draw the figures of a sliding state into ``folder/figures`` and return their paths."""
+    with style.style():
+        fig = root_locus(result.summary)
+        return [style.save(fig, folder / "figures" / "root_locus.png")]
+
+
+def root_locus(summary: dict[str, Any]) -> "Figure":
+    """Growth rate against frequency for rising friction, and both against friction.
+
+    Rings are the modes at the friction of the scene, red where they grow.
+    """
+    points = np.array(
+        [
+            (row["friction"], mode["frequency"] / 1e3, mode["growth_rate"])
+            for row in summary["locus"]
+            for mode in row["modes"]
+        ]
+    ).reshape(-1, 3)
+    friction, frequency, growth = points.T
+    grows = growth > UNSTABLE * 2e3 * np.pi * frequency
+    fig = style.figure(style.PAGE, 3.2)
+    plane, pitch, rate = fig.subplots(1, 3)
+    shown = plane.scatter(frequency, growth, c=friction, s=5, cmap="viridis", linewidths=0)
+    own = summary["modes"]
+    plane.scatter(
+        [m["frequency"] / 1e3 for m in own],
+        [m["growth_rate"] for m in own],
+        s=22,
+        facecolors="none",
+        edgecolors=[GROWING if m["kind"] != "stable" else style.INK for m in own],
+        linewidths=0.7,
+    )
+    plane.axhline(0.0, color=style.INK, lw=0.6)
+    plane.set_yscale("symlog", linthresh=threshold(growth))
+    plane.set_xlabel("frequency [kHz]")
+    plane.set_ylabel("growth rate [1/s]")
+    fig.colorbar(shown, ax=plane, location="top", label="coefficient of friction", shrink=0.8)
+    pitch.plot(friction[~grows], frequency[~grows], ".", color=style.INK, ms=2)
+    pitch.plot(friction[grows], frequency[grows], ".", color=GROWING, ms=4)
+    pitch.set_xlabel("coefficient of friction")
+    pitch.set_ylabel("frequency [kHz]")
+    rate.plot(friction[grows], growth[grows], ".", color=GROWING, ms=4)
+    rate.set_xlabel("coefficient of friction")
+    rate.set_ylabel("growth rate [1/s]")
+    rate.set_xlim(pitch.get_xlim())
+    fig.suptitle(f"{summary['scene']}: red grows", x=0.01, ha="left", fontsize=8)
+    return fig
+
+
+def threshold(growth: np.ndarray) -> float:
+    """Return up to which growth rate an axis is linear: a hundredth of the largest [1/s]."""
+    return float(max(1e-2 * np.abs(growth).max(initial=0.0), 1e-9))

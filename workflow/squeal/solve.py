@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Complex eigenvalues of small motions about sliding, ``(λ² + λ C + K) y = 0``, by two roads.
+
+``full`` takes the matrices as they are: SLEPc's two-level Arnoldi method for quadratic problems,
+inverted at a positive real shift, whose nearest eigenvalues are the slowest ones. ``projection``
+takes the motion to be a sum of real modes without friction and of the deflections under forces at
+the contacts. It is a small dense problem for any friction, and right as far as these shapes reach.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+import numpy as np
+from scipy.linalg import eig
+
+from meshes.arrays import Array
+from workflow.modes.solve import BELOW, below, direct, within
+from workflow.scene.scene import SceneError
+from workflow.squeal.pencil import Complex, Pencil, rows_of, summed, times
+
+TOLERANCE = 1e-10  # of an eigenvalue
+SHIFT = 0.5  # over the highest frequency
+MORE = 10  # eigenvalues that are looked for besides those that a frictionless contact has
+WIDER = 1.1  # reach of what is found over what is asked: growing modes lie aside
+BEYOND = 2.0  # highest frequency of the real modes over that asked for
+ALIKE = 1e-10  # share of a shape that others do not have, below which it is left out
+
+
+@dataclass(frozen=True, eq=False)
+class Eigen:
+    """Eigenvalues with ``Im λ ≥ 0``, by frequency.
+
+    Attributes:
+        values: λ, growth rate and angular frequency, shape ``(k,)`` [1/s].
+        shapes: Of each, the part of its vector on this rank, of unit length, shape ``(k, n)``.
+        residuals: Length of ``(λ² + λ C + K) y`` over ``|λ|²``, shape ``(k,)``.
+    """
+
+    values: Complex
+    shapes: Complex
+    residuals: Array
+
+
+def check_count(pencil: Pencil, top: float, most: int) -> int:
+    """Return how many modes there are without friction up to a frequency [Hz].
+
+    Raises:
+        SceneError: if it is none, or more than ``most``.
+    """
+    count = below(pencil.K, (2 * np.pi * top) ** 2)
+    if count == 0:
+        raise SceneError(f"--to {top:g}: no mode up to {top:g} Hz; expected a higher frequency")
+    if count > most:
+        raise SceneError(
+            f"--to {top:g}: {count} modes up to {top:g} Hz; expected at most {most}, see --most"
+        )
+    return count
+
+
+def full(pencil: Pencil, top: float, count: int) -> Eigen:
+    """Return the eigenvalues up to a frequency from the full matrices.
+
+    Args:
+        pencil: The matrices.
+        top: Highest frequency [Hz].
+        count: How many modes there are without friction.
+    """
+    reach = 2 * np.pi * top
+    matrices = [(pencil.K, pencil.K_f, reach**2), (pencil.C, pencil.C_f, reach)]
+    K, C = (summed(A, B, 1 / scale) for A, B, scale in matrices)
+    wanted, size = 2 * count + MORE, 2 * pencil.size
+    while True:
+        pep = solver(K, C, min(wanted, size))
+        pep.solve()
+        found = [read(pep, k, reach) for k in range(pep.getConverged())]
+        farthest = max((abs(value / reach - SHIFT) for value, _ in found), default=0.0)
+        if wanted >= size or farthest > WIDER * np.hypot(1.0, SHIFT):
+            break
+        wanted *= 2
+        pep.destroy()
+    pep.destroy()
+    values = np.array([value for value, _ in found])
+    shapes = np.array([shape for _, shape in found])
+    return sorted_upper(pencil, values, shapes)
+
+
+def solver(K: PETSc.Mat, C: PETSc.Mat, wanted: int) -> Any:
+    """Return the solver of the quadratic problem for the eigenvalues next to the shift."""
+    unit: Any = PETSc.Mat()
+    unit.createAIJ(K.getSizes(), nnz=1, comm=K.getComm())
+    unit.assemble()
+    unit.shift(1.0)
+    pep = SLEPc.PEP().create(K.getComm())
+    pep.setOperators([K, C, unit])
+    pep.setProblemType(SLEPc.PEP.ProblemType.GENERAL)
+    pep.setType(SLEPc.PEP.Type.TOAR)
+    pep.setTolerances(TOLERANCE)
+    pep.setDimensions(wanted)
+    pep.setTarget(SHIFT)
+    pep.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
+    st = pep.getST()
+    st.setType("sinvert")
+    ksp = st.getKSP()
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    ksp.getPC().setFactorSolverType("mumps")
+    return pep
+
+
+def read(pep: Any, k: int, reach: float) -> tuple[complex, Complex]:
+    """Return an eigenvalue [1/s] and the part of its vector on this rank."""
+    y, z = (pep.getOperators()[0].createVecRight() for _ in range(2))
+    value = pep.getEigenpair(k, y, z)
+    return complex(value) * reach, y.array_r + 1j * z.array_r
+
+
+def sorted_upper(pencil: Pencil, values: Complex, shapes: Complex) -> Eigen:
+    """Return the pairs with ``Im λ ≥ 0`` by frequency, with unit vectors and their residuals."""
+    kept = np.flatnonzero(values.imag >= 0.0)
+    kept = kept[np.lexsort([values.real[kept], values.imag[kept]])]
+    values, shapes = values[kept], shapes[kept]
+    square = pencil.comm.allreduce((np.abs(shapes) ** 2).sum(axis=1))
+    shapes = shapes / np.sqrt(square)[:, None]
+    return Eigen(values, shapes, residuals(pencil, values, shapes))
+
+
+def residuals(pencil: Pencil, values: Complex, shapes: Complex) -> Array:
+    """Return the lengths of ``(λ² + λ C + K) y`` over ``|λ|²``, shape ``(k,)``; collective."""
+    left = values[:, None] ** 2 * shapes
+    for A, factor in (
+        (pencil.K, 1.0),
+        (pencil.K_f, 1.0),
+        (pencil.C, values[:, None]),
+        (pencil.C_f, values[:, None]),
+    ):
+        left = left + factor * (times(A, shapes.real) + 1j * times(A, shapes.imag))
+    square = pencil.comm.allreduce((np.abs(left) ** 2).sum(axis=1))
+    return np.asarray(np.sqrt(square) / np.maximum(np.abs(values) ** 2, 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Small motions in few shapes, for any friction.
+
+    Attributes:
+        pencil: The full matrices.
+        V: Orthonormal shapes, the part of this rank, shape ``(r, n)``.
+        K, C, K_f, C_f: The matrices in these shapes, shape ``(r, r)``.
+    """
+
+    pencil: Pencil
+    V: Array
+    K: Array
+    C: Array
+    K_f: Array
+    C_f: Array
+
+    def values(self, share: float) -> tuple[Complex, Complex]:
+        """Return all eigenvalues and vectors with so much of the friction, shapes (2 r,), (r, 2 r).
+
+        Args:
+            share: What the coefficients of friction are over those of the scene.
+        """
+        r = len(self.V)
+        scale = np.sqrt(np.linalg.norm(self.K + share * self.K_f, 2))
+        companion = np.block(
+            [
+                [np.zeros((r, r)), np.eye(r)],
+                [-(self.K + share * self.K_f) / scale**2, -(self.C + share * self.C_f) / scale],
+            ]
+        )
+        values, vectors = eig(companion)
+        return values * scale, vectors[:r]
+
+    def eigen(self, top: float) -> Eigen:
+        """Return the eigenvalues up to a frequency [Hz] with the friction of the scene."""
+        comm = self.pencil.comm
+        values, vectors = comm.bcast(self.values(1.0))  # to the last digit the same on all ranks
+        kept = np.abs(values) < WIDER * 2 * np.pi * top
+        return sorted_upper(self.pencil, values[kept], vectors[:, kept].T @ self.V)
+
+
+def projection(pencil: Pencil, top: float) -> Projection:
+    """Return the projection on real modes and contact modes for frequencies to ``top`` [Hz]."""
+    bounds = -((2 * np.pi * BELOW) ** 2), (2 * np.pi * BEYOND * top) ** 2
+    _, modes, _ = within(pencil.K, bounds)
+    V = orthonormal(pencil.comm, np.vstack([modes, contact_modes(pencil, 2 * np.pi * top)]))
+    matrices = (pencil.K, pencil.C, pencil.K_f, pencil.C_f)
+    return Projection(
+        pencil, V, *(np.asarray(pencil.comm.allreduce(V @ times(A, V).T)) for A in matrices)
+    )
+
+
+def contact_modes(pencil: Pencil, omega: float) -> Array:
+    """Return the deflections under unit forces along n, t and b of every contact, ``(3 m, n)``.
+
+    They are those of ``K + ω²``, so that bodies that nothing holds deflect as well.
+    """
+    domain, out = pencil.domain, []
+    for face in pencil.faces:
+        nodes = np.unique(face.contacts.nodes[face.contacts.nodes >= 0])
+        dofs = domain.local_dofs(nodes)
+        own = (3 * dofs[dofs >= 0][:, None] + np.arange(3)).ravel()
+        for rows in rows_of(face, nodes):
+            force = np.zeros((rows.shape[0], pencil.T.shape[0]))
+            force[:, own] = rows.toarray()[:, np.repeat(dofs >= 0, 3)]
+            out.append(force @ pencil.T)
+    A = pencil.K.copy()
+    A.shift(omega**2)
+    pc = PETSc.PC().create(A.getComm())
+    pc.setOperators(A)
+    direct(pc)
+    pc.setUp()
+    x, y = A.createVecRight(), A.createVecLeft()
+    found = np.vstack(out)
+    for row in found:
+        x.array[:] = row
+        pc.apply(x, y)
+        row[:] = y.array_r
+    pc.destroy()
+    return found
+
+
+def orthonormal(comm: MPI.Comm, shapes: Array) -> Array:
+    """Return an orthonormal basis of shapes, rows of the parts on this rank; collective."""
+    for _ in range(2):  # the second time for what round-off has left
+        size = np.sqrt(comm.allreduce((shapes**2).sum(axis=1)))
+        shapes = shapes[size > 0.0] / size[size > 0.0, None]  # none where all is held
+        gram = comm.allreduce(shapes @ shapes.T)
+        values, vectors = comm.bcast(np.linalg.eigh(gram))
+        kept = values > ALIKE * values[-1]
+        shapes = (vectors[:, kept] / np.sqrt(values[kept])).T @ shapes
+    return np.asarray(shapes)

@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Unstable modes of a sliding state: table, files and figures."""
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import tomli_w
+
+from meshes.arrays import Flags
+from meshes.hexmesh import HexMesh
+from meshes.quality import edge_lengths
+from workflow.model import Model, build
+from workflow.model.bodies import isotropic
+from workflow.results.fields import write_mesh
+from workflow.results.folder import occupied
+from workflow.results.table import Column, Table
+from workflow.scene.scene import Scene, SceneError
+from workflow.simulation.threads import one_per_rank
+from workflow.squeal.feeding import fed
+from workflow.squeal.pencil import Complex, Pencil, pencil
+from workflow.squeal.sliding import Face
+from workflow.squeal.solve import Eigen, Projection, check_count, full, projection
+from workflow.squeal.steady import steady
+
+ROADS = ("full", "projection")
+CELLS = 4.0  # per wavelength of shear, at least
+USUAL = 0.9  # of the edges of a body are not longer than what its waves are measured by
+RIGID = 1.0  # Hz: slower, and no faster in growth, is no vibration
+UNSTABLE = 1e-7  # growth over |λ| from which it is beyond the eigenvalues' tolerance
+SHOWN = 20  # rows of the table
+FOLLOWED = 16  # coefficients of friction
+
+
+@dataclass(frozen=True, eq=False)
+class Squeal:
+    """Small motions about steady sliding, on rank 0; elsewhere the table alone.
+
+    Attributes:
+        summary: What ``squeal.json`` holds.
+        mesh: The mesh.
+        shapes: Of each mode, of mass one, shape ``(k, n, 3)`` [kg^-1/2].
+    """
+
+    summary: dict[str, Any]
+    mesh: HexMesh
+    shapes: Complex
+
+
+def squeal(
+    scene: Scene,
+    out: str | Path | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    top: float = 10e3,
+    road: str = "full",
+    friction: Sequence[float] = (),
+    slip: Sequence[float] | None = None,
+    sticking: Sequence[str] = (),
+    most: int = 500,
+    log: Callable[[str], Any] = lambda line: None,
+) -> Squeal:
+    """Return growth rates and frequencies of a scene in steady sliding; leave them in a new folder.
+
+    Args:
+        scene: The scene.
+        out: Folder for ``squeal.json``, ``squeal.vtkhdf`` and figures; nothing is written if None.
+        comm: Ranks that share it.
+        top: Highest frequency [Hz].
+        road: ``full`` matrices, or their ``projection`` on real modes and contact modes.
+        friction: Coefficients over which the modes are followed, by projection and in the state of
+            the scene's own friction; if none, and there is a folder, from 0 to the scene's own.
+        slip: Velocity of contactors against targets, instead of that of the start [m/s].
+        sticking: Contacts that stick.
+        most: How many modes are accepted.
+        log: Called with lines of progress.
+
+    Raises:
+        SceneError: if nothing slides, rubs or touches, or the mesh is too coarse for ``top``.
+        GuardError: if there is no steady state.
+    """
+    started = time.perf_counter()
+    check(scene, top, road, friction, sticking)
+    with nullcontext() if out is None else occupied(out, comm, "squealx squeal") as folder:
+        with one_per_rank():
+            model = build(scene, comm, log)
+            cells = check_cells(model, top)
+            faces = steady(model, None if slip is None else np.array(slip), sticking, log)
+            told(faces, log)
+            small = pencil(model, faces)
+            if not len(friction) and out is not None:
+                friction = np.linspace(0.0, mean_friction(faces), FOLLOWED).tolist()
+            count = check_count(small, top, most)
+            log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
+            few = projection(small, top) if road == "projection" or len(friction) else None
+            eigen = few.eigen(top) if road == "projection" and few else full(small, top, count)
+            table, shapes = labelled(small, up_to(eigen, top))
+            followed = locus(few, faces, friction, top) if few else []
+        found = {
+            "scene": scene.name,
+            "road": road,
+            "cells": len(model.domain.source.cells),
+            "free_motions": small.size,
+            "ranks": comm.size,
+            "top": top,
+            "cells_per_wavelength": cells,
+            "contacts": contacts_of(faces),
+            "unstable": sum(row["kind"] != "stable" for row in table),
+            "modes": table,
+            "locus": followed,
+            "wall_seconds": time.perf_counter() - started,
+        }
+        log(f"{found['unstable']} of {len(table)} modes grow")
+        result = Squeal(found, model.domain.source, shapes)
+        if folder is not None and comm.rank == 0:
+            write(folder, scene, result)
+    return result
+
+
+def check(
+    scene: Scene, top: float, road: str, friction: Sequence[float], sticking: Sequence[str]
+) -> None:
+    """Refuse what has no answer, before any work.
+
+    Raises:
+        SceneError: naming option or key.
+    """
+    if not top > 0:
+        raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
+    if road not in ROADS:
+        raise SceneError(f"--road {road!r}: expected {' or '.join(ROADS)}")
+    if any(not (np.isfinite(f) and f >= 0) for f in friction):
+        raise SceneError(f"--friction {list(friction)}: expected coefficients >= 0")
+    if unknown := sorted(set(sticking) - scene.contacts.keys()):
+        raise SceneError(f"--stick {', '.join(unknown)}: expected some of {list(scene.contacts)}")
+    if not scene.contacts:
+        raise SceneError(f"{scene.name}: no contacts; expected one with friction, for squeal")
+    if scene.equilibrium is None:
+        raise SceneError(
+            f"{scene.name}: no [equilibrium]; expected one, to bring the bodies to rest in contact"
+        )
+    if all(contact.friction == 0.0 for contact in scene.contacts.values()):
+        raise SceneError(
+            f"contacts.{next(iter(scene.contacts))}.friction = 0: nothing that could squeal; "
+            "expected a coefficient above 0 or a law in some contact"
+        )
+
+
+def check_cells(model: Model, top: float) -> float:
+    """Return the fewest cells that a wave of shear has in a body at a frequency.
+
+    Raises:
+        SceneError: if that is too few.
+    """
+    mesh, found = model.domain.source, []
+    for name, body in model.scene.bodies.items():
+        m = isotropic(model.bodies.materials[name])
+        own = mesh.cells[np.isin(mesh.regions, model.bodies.tags(body))]
+        edge = np.quantile(edge_lengths(mesh.points, own), USUAL)
+        found.append((float(np.sqrt(m.mu / m.rho) / (top * edge)), name))
+    cells, name = min(found)
+    if cells < CELLS:
+        raise SceneError(
+            f"--to {top:g}: a wave of shear at {top:g} Hz has {cells:.2g} cells of body {name!r}; "
+            f"expected {CELLS:g} or more, up to {top * cells / CELLS:.3g} Hz on this mesh"
+        )
+    return cells
+
+
+def told(faces: list[Face], log: Callable[[str], Any]) -> None:
+    """Log what the contacts are like."""
+    for name, row in contacts_of(faces).items():
+        log(
+            f"contact {name}: {row['contacts']} contacts {row['state']}, "
+            f"{row['normal_force']:.4g} N, slip {row['slip_rate']:.3g} m/s, "
+            f"friction {row['friction']:.3g}"
+        )
+
+
+def contacts_of(faces: list[Face]) -> dict[str, dict[str, Any]]:
+    """Return the state of each contact of the scene: sums, and means weighted with the force."""
+    found: dict[str, dict[str, Any]] = {}
+    for name in dict.fromkeys(face.name for face in faces):
+        own = [face for face in faces if face.name == name]
+        force = np.concatenate([face.contacts.normal_force for face in own])
+        mean = {
+            key: float(force @ np.concatenate([getattr(f.contacts, of) for f in own]) / force.sum())
+            for key, of in (("slip_rate", "speed"), ("friction", "friction"), ("slope", "slope"))
+        }
+        found[name] = {
+            "state": "sticking" if own[0].sticks else "sliding",
+            "contacts": len(force),
+            "patches": max(face.patches for face in own),
+            "normal_force": float(force.sum()),
+            **mean,
+        }
+    return found
+
+
+def up_to(eigen: Eigen, top: float) -> Eigen:
+    """Return the vibrations up to a frequency [Hz] and what grows without; rigid motion is none."""
+    kept = vibrates(eigen.values, top)
+    return Eigen(eigen.values[kept], eigen.shapes[kept], eigen.residuals[kept])
+
+
+def vibrates(values: Complex, top: float) -> Flags:
+    """Return which eigenvalues are vibrations up to a frequency [Hz], or grow without."""
+    f = values.imag / (2 * np.pi)
+    moves = np.abs(values) > 2 * np.pi * RIGID
+    return moves & (f <= top) & ((f > 0.0) | ((f == 0.0) & (values.real > 0.0)))
+
+
+def labelled(small: Pencil, eigen: Eigen) -> tuple[list[dict[str, Any]], Complex]:
+    """Return a row for each mode, and on rank 0 their shapes by HexMesh node ``(k, n, 3)``."""
+    rows, shapes = fed(small, eigen)
+    return [
+        {
+            "frequency": float(value.imag / (2 * np.pi)),
+            "growth_rate": float(value.real),
+            "kind": kind_of(complex(value)),
+            "damping_ratio": float(-value.real / abs(value)),
+            **row,
+        }
+        for value, row in zip(eigen.values, rows, strict=True)
+    ], shapes
+
+
+def kind_of(value: complex) -> str:
+    """Return what an eigenvalue [1/s] means: ``stable``, ``flutter`` or ``divergence``."""
+    if value.real <= UNSTABLE * abs(value):
+        return "stable"
+    return "flutter" if value.imag > 0.0 else "divergence"
+
+
+def locus(
+    few: Projection, faces: list[Face], friction: Sequence[float], top: float
+) -> list[dict[str, Any]]:
+    """Return the modes at other coefficients of friction, see :func:`squeal`."""
+    own = mean_friction(faces)
+    found = []
+    for f in friction:
+        values, _ = few.pencil.comm.bcast(few.values(f / own))
+        values = np.sort_complex(-1j * values[vibrates(values, top)])
+        modes = [
+            {"frequency": float(v.real / (2 * np.pi)), "growth_rate": -float(v.imag)}
+            for v in values
+        ]
+        found.append({"friction": float(f), "modes": modes})
+    return found
+
+
+def mean_friction(faces: list[Face]) -> float:
+    """Return the coefficient of friction, the mean over normal forces that slide.
+
+    Raises:
+        SceneError: if none does.
+    """
+    if all(face.sticks for face in faces):
+        raise SceneError("--friction: expected a contact that slides; all that touch stick")
+    force = np.concatenate([f.contacts.normal_force for f in faces if not f.sticks])
+    own = np.concatenate([f.contacts.friction for f in faces if not f.sticks])
+    return float(force @ own / force.sum())
+
+
+def write(folder: Path, scene: Scene, result: Squeal) -> None:
+    """Write table, scene and fields into a folder; a shape is its real and imaginary part."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scene.toml").write_text(tomli_w.dumps(scene.tables()), "utf-8")
+    text = json.dumps(result.summary, indent=2)
+    (folder / "squeal.json").write_text(text + "\n", "utf-8")
+    with h5py.File(folder / "squeal.vtkhdf", "w", locking=False) as file:
+        root = file.create_group("VTKHDF")
+        write_mesh(root, result.mesh)
+        for number, (row, shape) in enumerate(
+            zip(result.summary["modes"], result.shapes, strict=True), 1
+        ):
+            title = f"{number:03d} {row['frequency']:.1f} Hz {row['growth_rate']:+.3g} per s"
+            root[f"PointData/{title} real"] = shape.real.astype(np.float32)
+            root[f"PointData/{title} imaginary"] = shape.imag.astype(np.float32)
+
+
+def printout(summary: dict[str, Any]) -> Iterator[Table]:
+    """Yield the table of what grows, fastest first; without that, of what is damped least."""
+    rows = sorted(summary["modes"], key=lambda row: -row["growth_rate"])
+    growing = [row for row in rows if row["kind"] != "stable"]
+    columns = [
+        Column("kHz", "frequency", ".3f", factor=1e-3),
+        Column("growth 1/s", "growth_rate", "+.4g"),
+        Column("motion", "kind", words=True),
+        Column("fed by 1/s", _feeders, words=True),
+        Column("damping 1/s", "damping", "+.3g"),
+    ]
+    contacts = "; ".join(
+        f"{name} {row['state']}, friction {row['friction']:.3g}"
+        for name, row in summary["contacts"].items()
+    )
+    title = f"{summary['scene']}: {contacts}"
+    of = f"{summary['unstable']} of {len(summary['modes'])} modes up to {summary['top']:g} Hz grow"
+    shown = (growing or rows)[:SHOWN]
+    note = f"{of}; {summary['cells_per_wavelength']:.1f} cells per wavelength of shear there"
+    yield Table(title, columns, shown, note)
+
+
+def _feeders(row: dict[str, Any]) -> str:
+    return ", ".join(f"{name} {rate:+.3g}" for name, rate in row["fed_by"].items())
