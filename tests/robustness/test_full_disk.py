@@ -63,9 +63,9 @@ def times(folder):
     [pytest.param(k, marks=[] if k in FEW else pytest.mark.long) for k in range(POINTS)],
 )
 def test_a_disk_that_fills(point, disk, whole, squealx):
-    """Room for a share of a run, from none to nearly all. It ends with 2 if it cannot begin and
-    leaves nothing, else with 3 and every output before the one that had no room, as it would have
-    been. With room again it goes on, and all is bit by bit as without.
+    """Room for a share of a run, from none to nearly all. It ends with 2 if it cannot begin, or is
+    foreseen not to end, and leaves nothing; else with 3 and every output before the one that had no
+    room, as it would have been. With room again it goes on, and all is bit by bit as without.
     """
     (place, resize), (complete, size) = disk, whole
     folder = place / str(point)
@@ -74,7 +74,10 @@ def test_a_disk_that_fills(point, disk, whole, squealx):
     resize(ROOM)
     assert done.returncode in (2, 3) and "Traceback" not in done.stderr, done.stderr
     last = done.stderr.strip().splitlines()[-1]
-    assert f"No space left on device; expected room and permission in '{folder}'" in last
+    if "time.output_interval" in last:  # less than half of what it takes
+        assert done.returncode == 2 and point < POINTS / 2
+    else:
+        assert f"No space left on device; expected room and permission in '{folder}'" in last
     if done.returncode == 2:
         assert not folder.exists()
     else:
