@@ -37,6 +37,8 @@ def _told(error: BaseException) -> tuple[int, str]:
             return 2, f"{error.name} is not installed: pip install 'squealx[{extra}]'{debian}"
     if isinstance(error, MemoryError):
         return 3, "out of memory; expected fewer cells, or a machine with more"
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return 2, f"{error.filename}: {error.strerror}; expected a shorter path"
     if isinstance(error, OSError) and error.errno in _SAID:
         where = error.filename or "output"
         return 3, f"{where}: {error.strerror}; expected room and permission there"

@@ -2,6 +2,7 @@
 """A result folder as arrays: history, footprints and their patches, mesh and displacement."""
 
 import json
+import os
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -180,7 +181,7 @@ def whole(folder: str | Path, modes: Path | None = None) -> Record:
     """
     path = Path(folder)
     for name in ("scene.toml", "results.h5"):
-        if not (path / name).is_file():
+        if not os.path.isfile(path / name):  # False for names that no system takes
             raise SceneError(f"folder = {str(path)!r}: expected a result folder with {name}")
     name = "scene.toml"
     try:
