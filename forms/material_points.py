@@ -1,18 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Quadrature points of a body whose material has a memory: its forms, kernels and history."""
+"""Quadrature points of a body whose material has a memory: its forms, kernels and history.
 
+One-point cells have a memory of their hourglass modes too. Modes are stress that varies over the
+cell. Where the mean of the cell flows, all deviatoric stress shrinks by the same share, as in radial
+return, and so do the forces of the modes: ``s_p ← s_p + (1 − r)(s − s_p)`` with the share
+``r = q / (q + 3 μ Δp)`` of the equivalent stress q that an increment Δp leaves. A cell that only
+bends does not flow.
+"""
+
+from collections.abc import Callable
 from typing import Any
 
 import basix.ufl
 import numpy as np
 import ufl
-from ufl import dev, inner
+from ufl import as_vector, dev, inner, sqrt
 from ufl.classes import Zero
 
-from forms.cells import per_point
-from forms.memory import LargeStrain, Memory, MemoryLaw, SmallStrain
+from forms.cells import mean_gradient, one_point, per_point, positions, volume
+from forms.hourglass import Cell
+from forms.memory import EQUIVALENT, LargeStrain, Memory, MemoryLaw, SmallStrain, Variable
 from forms.simd.memory import History, MemoryKernel
 from meshes.arrays import Array
+
+HOURGLASS = "hourglass_flow"  # what the modes of a one-point cell have flowed
+LOST = "hourglass_lost"  # what that has dissipated, of the whole cell [J]
+CENTRE = np.array([[0.5, 0.5, 0.5]])
+TINY = 1e-30  # of the modulus, squared
 
 
 class Points:
@@ -24,8 +38,9 @@ class Points:
         space: DOLFINx space of the displacement.
         dx: Volume measure of the body with full quadrature.
         rotating: Whether the strain is large.
-        shape: Whether the work of the volume change is left to another form (element
-            ``selective``).
+        element: ``full``, ``one-point``, or ``selective``, where the work of the volume change is
+            left to another form.
+        coefficient: Hourglass coefficient; None for the physical stiffness [-].
         dtype: Type that is computed with.
     """
 
@@ -37,39 +52,85 @@ class Points:
         dx: Any,
         *,
         rotating: bool,
-        shape: bool = False,
+        element: str = "full",
+        coefficient: float | None = None,
         dtype: str = "float64",
     ) -> None:
         self.point = (LargeStrain if rotating else SmallStrain)(law, material)
-        self.space, self.dx, self.shape, self.dtype = space, dx, shape, dtype
-        self.variables = self.point.variables
+        self.space, self.dtype, self.rotating = space, dtype, rotating
+        self.shape, self.single = element == "selective", element == "one-point"
+        self.dx = one_point(dx) if self.single else dx
+        self._coefficient, self._domain = coefficient, space.mesh.ufl_domain()
+        self.variables = dict(self.point.variables)
+        if self.single:
+            self.variables |= {HOURGLASS: Variable((12,)), LOST: Variable()}
         self.size = sum(len(v.entries) for v in self.variables.values())
-        self._domain = space.mesh.ufl_domain()
-        cell = self._domain.ufl_cell().cellname
-        self._element = basix.ufl.quadrature_element(cell, value_shape=(self.size,), degree=2)
+        rule: dict[str, Any] = {"points": CENTRE, "weights": np.ones(1)}
+        self._element = basix.ufl.quadrature_element(
+            self._domain.ufl_cell().cellname,
+            value_shape=(self.size,),
+            **(rule if self.single else {"degree": 2}),
+        )
         count = self._element.dim // self.size
-        coefficient = ufl.Coefficient(ufl.FunctionSpace(self._domain, self._element))
-        self.history = History(coefficient, count, self.size)
-        self.old = self._named([coefficient[i] for i in range(self.size)])
+        values = ufl.Coefficient(ufl.FunctionSpace(self._domain, self._element))
+        self.history = History(values, count, self.size)
+        self.old = self._named([values[i] for i in range(self.size)])
 
     def force(self, u: Any) -> MemoryKernel:
         """Return the kernel of minus the internal virtual work, which renews the history."""
         mixed = basix.ufl.mixed_element([self.space.ufl_element(), self._element])
-        w, q = ufl.TestFunctions(ufl.FunctionSpace(self._domain, mixed))
-        P, new = self.point.stress(ufl.grad(u), self.old, shape=self.shape)
+        test = ufl.TestFunction(ufl.FunctionSpace(self._domain, mixed))
+        P, own, new = self.point.stress(self._gradient(u), self.old, shape=self.shape)
+        if self.single:
+            work = self._work(u, test, P, own, new)
+        else:
+            work = inner(P, ufl.grad(as_vector([test[i] for i in range(3)])))
         numbers = self._numbers(new)
-        renewed = sum(q[i] * number for i, number in enumerate(numbers))
-        form = (per_point(self._domain) * renewed - inner(P, ufl.grad(w))) * self.dx
+        renewed = sum(test[3 + i] * number for i, number in enumerate(numbers))
+        form = (per_point(self._domain) * renewed - work) * self.dx
         start = np.concatenate([v.start for v in self.variables.values()])
         return MemoryKernel(form, self.space, self.history, start, self.dtype)
 
+    def _gradient(self, u: Any) -> Any:
+        return mean_gradient(u) if self.single else ufl.grad(u)
+
+    def _work(self, u: Any, w: Any, P: Any, own: Any, new: dict[str, Any]) -> Any:
+        """Return the virtual work of a one-point cell; put what its modes remember into ``new``."""
+        cell, trial = self._modes(u)
+        soft = self._softening(own, new)
+        kept = {k: (1 - soft) * component for k, component in trial.items()}
+        flowed = zip(range(12), trial.values(), strict=True)
+        new[HOURGLASS] = as_vector([self.old[HOURGLASS][i] + soft * s for i, s in flowed])
+        new[LOST] = self.old[LOST] + soft * (2 - soft) * _energy(cell, trial)
+        return cell.work(cell.forces(kept), w, P)
+
+    def _modes(self, u: Any) -> tuple[Cell, dict[Any, Any]]:
+        """Return the hourglass modes of a displacement less what has flowed of them."""
+        cell = Cell(u, self.point.material, self.rotating, self._coefficient)
+        flowed = self.old[HOURGLASS]
+        return cell, {k: s - flowed[i] for i, (k, s) in enumerate(cell.modes().items())}
+
+    def _softening(self, stress: Any, new: Memory) -> Any:
+        """Return the share of its deviatoric stress that a cell loses as it flows."""
+        if EQUIVALENT not in new:
+            return 0.0
+        mu, s = self.point.material.mu, dev(stress)
+        drop = 3 * mu * (new[EQUIVALENT] - self.old[EQUIVALENT])
+        return drop / (sqrt(1.5 * inner(s, s) + TINY * mu**2) + drop)
+
     def densities(self, u: Any) -> dict[str, Any]:
         """Return the energy densities by term, in UFL, but for those that are zero [J/m³]."""
-        strain, history = self.point.strain(ufl.grad(u), self.old)
-        law = self.point.law
-        terms = law.energy(dev(strain) if self.shape else strain, history, self.point.material)
-        densities = {name: ufl.as_ufl(density) for name, density in terms.items()}
-        return {name: d for name, d in densities.items() if not isinstance(d, Zero)}
+        given = self._evaluated(u, self.point.law.energy)
+        terms = {name: ufl.as_ufl(density) for name, density in given.items()}
+        if self.single:
+            weight = per_point(self._domain)
+            scale = volume(positions(self._domain)) * weight  # of the rule, to the cell's own
+            terms = {name: density * scale for name, density in terms.items()}
+            terms["hourglass"] = _energy(*self._modes(u)) * weight
+            if EQUIVALENT in self.variables:
+                lost = terms.get("plastic_dissipation", 0.0)
+                terms["plastic_dissipation"] = lost + self.old[LOST] * weight
+        return {name: d for name, d in terms.items() if not isinstance(d, Zero)}
 
     def beyond(self, u: Any) -> Any:
         """Return how far the state is beyond what the law admits, in UFL; None in closed form [-].
@@ -79,9 +140,13 @@ class Points:
         law = self.point.law
         if law.excess is None:
             return None
-        strain, history = self.point.strain(ufl.grad(u), self.old)
-        excess = law.excess(dev(strain) if self.shape else strain, history, self.point.material)
+        excess = self._evaluated(u, law.excess)
         return ufl.conditional(ufl.gt(excess, 0), excess, 0.0) * per_point(self._domain)
+
+    def _evaluated(self, u: Any, function: Callable[[Any, Memory, Any], Any]) -> Any:
+        """Return a function of the law at the present strain and history."""
+        strain, history = self.point.strain(self._gradient(u), self.old)
+        return function(dev(strain) if self.shape else strain, history, self.point.material)
 
     def cell_integral(self, density: Any, space: Any) -> MemoryKernel:
         """Return the kernel of a density's integral over each cell; ``space`` is DG0."""
@@ -114,3 +179,9 @@ class Points:
                 f"law: expected new values of {sorted(self.variables)}, got {sorted(new)}"
             )
         return [n for name, v in self.variables.items() for n in v.numbers(new[name])]
+
+
+def _energy(cell: Cell, s: dict[Any, Any]) -> Any:
+    """Return the energy of hourglass modes [J]."""
+    f = cell.forces(s)
+    return sum(f[k] * s[k] for k in s) / 2

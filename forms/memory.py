@@ -21,21 +21,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ufl import Identity, as_matrix, dev, dot, sym
+from ufl import Identity, as_matrix, as_vector, dev, dot, sym
 from ufl.classes import Zero
 
 from forms.materials import VOIGT
 
 PLASTIC = "plastic_strain"
+EQUIVALENT = "equivalent_plastic_strain"
 FLOW = "plastic_flow"  # F_p⁻¹ − I, in place of the plastic strain where strains are large
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A history variable at a material point: a number, a symmetric tensor or a tensor.
+    """A history variable at a material point: a number, several, a symmetric tensor or a tensor.
 
     Attributes:
-        shape: ``()`` or ``(3, 3)``.
+        shape: ``()``, ``(n,)`` or ``(3, 3)``.
         symmetric: Whether six numbers stand for a tensor.
         initial: Its value at the start; times the identity if it is a tensor.
     """
@@ -45,20 +46,22 @@ class Variable:
     initial: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.shape not in ((), (3, 3)):
-            raise ValueError(f"history variable: expected shape () or (3, 3), got {self.shape}")
+        if len(self.shape) > 1 and self.shape != (3, 3):
+            raise ValueError(
+                f"history variable: expected shape (), (n,) or (3, 3), got {self.shape}"
+            )
 
     @property
     def entries(self) -> tuple[tuple[int, ...], ...]:
         """Indices of the numbers that are kept."""
-        if not self.shape:
-            return ((),)
+        if len(self.shape) < 2:
+            return tuple(np.ndindex(self.shape))
         return VOIGT if self.symmetric else tuple(np.ndindex(3, 3))
 
     def tensor(self, numbers: list[Any]) -> Any:
         """Return the value that the kept numbers stand for."""
-        if not self.shape:
-            return numbers[0]
+        if len(self.shape) < 2:
+            return as_vector(numbers) if self.shape else numbers[0]
         at = dict(zip(self.entries, numbers, strict=True))
         key = (lambda i, j: (min(i, j), max(i, j))) if self.symmetric else (lambda i, j: (i, j))
         return as_matrix([[at[key(i, j)] for j in range(3)] for i in range(3)])
@@ -81,6 +84,7 @@ class Variable:
 
 
 Memory = Mapping[str, Any]  # values of history variables by name, in UFL
+Stress = tuple[Any, Any, dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -117,10 +121,17 @@ class SmallStrain:
         """Return strain and history as the law takes them, for a displacement gradient."""
         return sym(H), old
 
-    def stress(self, H: Any, old: Memory, *, shape: bool = False) -> tuple[Any, dict[str, Any]]:
-        """Return the first Piola–Kirchhoff stress and new history; ``shape`` leaves out volume."""
+    def stress(self, H: Any, old: Memory, *, shape: bool = False) -> Stress:
+        """Return the first Piola–Kirchhoff stress, that of the law, and the new history.
+
+        Args:
+            H: Displacement gradient.
+            old: History.
+            shape: Whether the volume change is left out.
+        """
         strain, history = self.strain(H, old)
-        return self.law.update(dev(strain) if shape else strain, history, self.material)
+        stress, new = self.law.update(dev(strain) if shape else strain, history, self.material)
+        return stress, stress, new
 
 
 class LargeStrain:
@@ -148,8 +159,8 @@ class LargeStrain:
         elastic = E - EE + 4 / 3 * _product(EE, E)
         return elastic, {PLASTIC: Zero((3, 3))} | {k: v for k, v in old.items() if k != FLOW}
 
-    def stress(self, H: Any, old: Memory, *, shape: bool = False) -> tuple[Any, dict[str, Any]]:
-        """Return the first Piola–Kirchhoff stress and new history; ``shape`` leaves out volume.
+    def stress(self, H: Any, old: Memory, *, shape: bool = False) -> Stress:
+        """Return the first Piola–Kirchhoff stress, that of the law, and the new history.
 
         ``P = F F_p⁻¹ C_e⁻¹ M F_p⁻ᵀ`` with the Mandel stress M and ``C_e = exp 2 L``.
         """
@@ -163,7 +174,7 @@ class LargeStrain:
         G = old[FLOW] + growth + dot(old[FLOW], growth)
         GS = S + dot(G, S)
         second = _symmetric(lambda i, j: GS[i, j] + sum(GS[i, k] * G[j, k] for k in range(3)))
-        return dot(Identity(3) + H, second), {FLOW: G, **new}
+        return dot(Identity(3) + H, second), M, {FLOW: G, **new}
 
 
 def _product(A: Any, B: Any) -> Any:

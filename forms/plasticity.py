@@ -18,9 +18,8 @@ from ufl import conditional, dev, exp, gt, inner, sqrt
 
 from forms.elasticity import Elastic
 from forms.materials import hooke_energy
-from forms.memory import PLASTIC, Memory, MemoryLaw, Variable
+from forms.memory import EQUIVALENT, PLASTIC, Memory, MemoryLaw, Variable
 
-EQUIVALENT = "equivalent_plastic_strain"
 RECOVERED = "recovered"  # what dynamic recovery has lost [J/m³]
 TINY = 1e-30  # of the modulus, squared: keeps the root of no stress away from a division by zero
 ITERATIONS = 3  # of Newton's method: 1e-10 left where γ Δp is 0.004, as in usual steps

@@ -36,7 +36,8 @@ def test_row_31_yielding_bar_on_a_wall(run_scene, speed, size):
 
 
 ELEMENTS = [("full", "small-strain"), ("full", "total-lagrangian"), ("selective", "small-strain")]
-ELEMENTS += [("selective", "total-lagrangian")]
+ELEMENTS += [("selective", "total-lagrangian"), ("one-point", "small-strain")]
+ELEMENTS += [("one-point", "total-lagrangian")]
 
 
 @pytest.mark.parametrize(("element", "kinematics"), ELEMENTS)
@@ -81,7 +82,6 @@ def test_what_does_not_go_with_a_memory_is_refused():
     """Element, damping, precision and constants: the key, what it got, what it expects."""
     steel = Scene.load("plastic-bar").tables()["bodies"]["bar"]["material"]
     for keys, words in (
-        ({"bodies.bar.element": "one-point"}, "bodies.bar.element = 'one-point': expected 'full'"),
         ({"bodies.bar.stiffness_damping": 1e-9}, "bodies.bar.stiffness_damping = 1e-09"),
         ({"time.precision": "float32"}, "time.precision = 'float32': expected 'float64'"),
         ({"bodies.bar.material": steel | {"yield_stress": 0.0}}, "yield_stress = 0"),

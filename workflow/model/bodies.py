@@ -146,7 +146,7 @@ class Bodies:
         )
 
     def hourglass_energy(self, u: Any) -> Any:
-        """Return the form of the energy of hourglass control, None without such elements."""
+        """Return the form of the energy of hourglass control, laws with a memory aside; or None."""
         forms = [
             elements.control_energy(
                 self.laws[name],
@@ -155,7 +155,7 @@ class Bodies:
                 self.dx(self.tags(body)),
                 coefficient=body.hourglass_coefficient,
             )
-            for name, body in self.scene.bodies.items()
+            for name, body in ((n, self.scene.bodies[n]) for n in self.without_memory)
             if body.element == "one-point"
         ]
         return sum(forms) if forms else None

@@ -14,7 +14,8 @@ from forms.cells import one_point
 from forms.dilatation import dilatation, dilatation_energy
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
-from forms.plasticity import EQUIVALENT, MEMORY_LAWS
+from forms.memory import EQUIVALENT
+from forms.plasticity import MEMORY_LAWS
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.state import State
@@ -50,7 +51,14 @@ class MemoryForce:
         given = bodies.memory_laws[name]
         law = MEMORY_LAWS[given] if isinstance(given, str) else given
         self.points = Points(
-            law, material, domain.V, dx, rotating=rotating, shape=split, dtype=precision
+            law,
+            material,
+            domain.V,
+            dx,
+            rotating=rotating,
+            element=body.element,
+            coefficient=body.hourglass_coefficient,
+            dtype=precision,
         )
         self.kernel = self.points.force(u)
         self.cell_fields = (EQUIVALENT,) if EQUIVALENT in self.points.variables else ()
@@ -96,9 +104,14 @@ class MemoryForce:
         return terms
 
     def stored(self) -> dict[str, float]:
-        """Return the elastic energy [J]; collective."""
-        elastic = self.comm.allreduce(self._sum(self._terms["internal"]))
-        return {"internal": elastic + (self._volume() if self._volume is not None else 0.0)}
+        """Return the elastic energy and that of hourglass control [J]; collective."""
+        names = [name for name in ("internal", "hourglass") if name in self._terms]
+        terms: dict[str, float] = {
+            name: self.comm.allreduce(self._sum(self._terms[name])) for name in names
+        }
+        if self._volume is not None:
+            terms["internal"] += self._volume()
+        return terms
 
     def check(self) -> None:
         """Raise ``LawError`` on all ranks if a cell is beyond what its law admits; collective."""

@@ -206,8 +206,6 @@ class Scene(Section):
     def _unfit_memory(self, key: str, body: Body) -> Iterator[str]:
         """Yield a line for every key that does not go with a law that has a memory."""
         law = body.material.law
-        if body.element == "one-point":
-            yield f"{key}.element = 'one-point': expected 'full' or 'selective' with law {law!r}"
         if body.stiffness_damping:
             yield (
                 f"{key}.stiffness_damping = {body.stiffness_damping:g}: expected 0 with law "
