@@ -2,8 +2,8 @@
 """Quadrature points of a body whose material has a memory: its forms, kernels and history.
 
 One-point cells have a memory of their hourglass modes too. Modes are stress that varies over the
-cell. Where the mean of the cell flows, all deviatoric stress shrinks by the same share, as in radial
-return, and so do the forces of the modes: ``s_p ← s_p + (1 − r)(s − s_p)`` with the share
+cell. Where the mean of the cell flows, all deviatoric stress shrinks by the same share, as in
+radial return, and so do the forces of the modes: ``s_p ← s_p + (1 − r)(s − s_p)`` with the share
 ``r = q / (q + 3 μ Δp)`` of the equivalent stress q that an increment Δp leaves. A cell that only
 bends does not flow.
 """
