@@ -339,7 +339,7 @@ def test_laws_that_forget_a_variable_are_refused() -> None:
     with pytest.raises(ValueError, match="plastic_strain"):
         Points(law({}), material, V, full(msh), rotating=True)
     with pytest.raises(ValueError, match="shape"):
-        Variable((2,))
+        Variable((2, 2))
     assert float(flow_stress(0.0, material)) == Y
 
 
