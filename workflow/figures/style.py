@@ -110,10 +110,10 @@ def figure(width: float, height: float) -> "Figure":
 
 
 def save(fig: "Figure", path: Path) -> Path:
-    """Write a figure as PNG, whole or not at all, and return its path."""
+    """Write a figure in the format that its name ends in, whole or not at all; return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn = io.BytesIO()
-    fig.savefig(drawn, dpi=DPI, facecolor="white")
+    fig.savefig(drawn, format=path.suffix[1:] or None, dpi=DPI, facecolor="white")
     atomic.replace(path, drawn.getvalue())
     return path
 
