@@ -7,7 +7,7 @@ strain p; the yield surface moves with N back stresses after Armstrong and Frede
 hardening is linear in closed form, else by Newton's method on the increment of p alone (Kobayashi
 and Ohno, Int. J. Numer. Meth. Engng 53, 2002, 2217–2238):
 
-    √(3/2) |s − Σ θ X| = Y(p + Δp) + (3 μ + Σ θ C) Δp,    θ = 1 / (1 + γ Δp).
+    √(3/2) ‖s − Σ θ X‖ = Y(p + Δp) + (3 μ + Σ θ C) Δp,    θ = 1 / (1 + γ Δp).
 """
 
 from dataclasses import dataclass
