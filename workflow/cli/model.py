@@ -166,15 +166,20 @@ def modes(
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-modes"
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import kept
-
-        check_ranks(ranks, oversubscribe)
-        with kept(folder, "squealx modes"):
-            pass  # refused once, before there are ranks
+        check_start("modes", folder, ranks, oversubscribe)
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
         words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
     find_modes(checked, folder, as_json, part=part, held=held, top=to, size=size, most=most)
+
+
+def check_start(verb: str, folder: Path, ranks: int, oversubscribe: bool) -> None:
+    """Refuse ranks or a folder that cannot be had: once, before there are ranks."""
+    from workflow.results.folder import kept
+
+    check_ranks(ranks, oversubscribe)
+    with kept(folder, f"squealx {verb}"):
+        pass
 
 
 def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None:
@@ -239,11 +244,7 @@ def squeal(
     checked = load(scene, changes)
     folder = out or Path("runs") / f"{checked.name}-squeal"
     if ranks > 1 and not in_mpi():
-        from workflow.results.folder import kept
-
-        check_ranks(ranks, oversubscribe)
-        with kept(folder, "squealx squeal"):
-            pass  # refused once, before there are ranks
+        check_start("squeal", folder, ranks, oversubscribe)
         words = ["squeal", "--to", str(to), "--road", road, "--most", str(most)]
         words += [f"--friction={friction}"] * bool(friction) + [f"--slip={slip}"] * bool(slip)
         words += [f"--stick={name}" for name in stick or []]

@@ -45,6 +45,9 @@ class Item(Protocol):
       these only.
     - ``rest(state, force)``: its force in statics, where velocities mean nothing; ``add`` if it has
       none, and no force if it is None.
+    - ``columns() -> dict[str, float]``: its columns of the history, the same on all ranks;
+      collective. ``cell_fields``, names, and ``cell_means(name)``, an array of all cells on rank 0:
+      its fields of cells in ``fields.vtkhdf``; collective.
     - ``back(dt)`` and ``step(dt)``: motion of its own beside the mesh, as point masses have it.
     """
 
