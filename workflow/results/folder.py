@@ -63,7 +63,8 @@ def check_empty(path: Path) -> None:
     """Raise ``SceneError`` if a folder holds a run, or outputs of one."""
     if any((path / name).exists() for name in ("scene.toml", "summary.json")) or outputs_in(path):
         raise SceneError(
-            f"out = {str(path)!r}: already holds a run; expected a new folder, or --resume"
+            f"out = {str(path)!r}: already holds a run; expected a new folder, or run --resume to "
+            "go on with it"
         )
 
 
