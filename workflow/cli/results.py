@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs of results and of the machine: figures, report, export-footprints, bench, stability."""
+"""Verbs of results and of the machine: figures, report, compare, footprints, bench, stability."""
 
 from pathlib import Path
 from typing import Annotated
@@ -43,6 +43,32 @@ def report(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = Fals
 
     path = str(write(folder, modes))
     answer(as_json, {"report": path}, lambda: [path])
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx compare runs/hertz runs/finer",
+        "squealx compare runs/full runs/one-point --figure both.png --json",
+    )
+)
+def compare(
+    first: ResultFolder,
+    second: Annotated[Path, typer.Argument(help="Result folder of another run.")],
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Picture; FIRST/figures/compared-with-SECOND.png if left out."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Set two runs side by side: settings, cost, errors, patches, history; tables and a picture."""
+    from workflow.report.comparison import compare as compared
+    from workflow.report.comparison import tables, write
+    from workflow.results.record import whole
+
+    a, b = whole(first), whole(second)
+    picture = figure or first / "figures" / f"compared-with-{second.resolve().name}.png"
+    found = compared(a, b) | {"figure": str(write(a, b, picture))}
+    answer(as_json, found, lambda: [*tables(found), found["figure"]])
 
 
 @verbs.command(
