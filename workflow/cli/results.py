@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Verbs of results and of the machine: figures, report, compare, footprints, bench, stability."""
+"""Verbs of results and of the machine: figures, view, report, compare, bench and others."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,6 +34,43 @@ def figures(folder: ResultFolder, modes: ModesFolder = None, as_json: Json = Fal
     paths = draw(folder, modes)
     drawn = [str(path) for path in paths]
     answer(as_json, {"figures": drawn}, lambda: drawn)
+
+
+@verbs.command(
+    epilog=examples(
+        "squealx view runs/hertz --close",
+        "squealx view runs/bar-wave --scale 1000 --quantity velocity",
+        "squealx view runs/first --pictures first-pictures",
+    )
+)
+def view(
+    folder: ResultFolder,
+    quantity: Annotated[
+        str, typer.Option(help="What colours the bodies: displacement or velocity.")
+    ] = "displacement",
+    scale: Annotated[
+        float, typer.Option(min=0.0, help="Factor on deformations; a turning body turns as it is.")
+    ] = 1.0,
+    close: Annotated[
+        bool, typer.Option("--close", help="Look at the contact, through the contactor.")
+    ] = False,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(help="Draw a picture for each output into this folder, without a window."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Look at a run: the mesh as it moves and the footprints, in a window with a slider."""
+    from workflow.figures.view import QUANTITIES, View, open_window, write_pictures
+    from workflow.results.record import whole
+
+    if quantity not in QUANTITIES:
+        raise SceneError(f"--quantity {quantity!r}: expected one of {', '.join(QUANTITIES)}")
+    shown = View(whole(folder), quantity, scale, close)
+    if pictures is None:
+        return open_window(shown)
+    paths = [str(path) for path in write_pictures(shown, pictures)]
+    answer(as_json, {"pictures": paths}, lambda: paths)
 
 
 @verbs.command(epilog=examples("squealx report runs/bar-impact"))

@@ -79,13 +79,15 @@ class Frame:
         axes.set_axis_off()
 
 
-def plotter(pixels: tuple[int, int]) -> Any:
-    """Return an off-screen pyvista plotter with white ground and parallel projection."""
+def plotter(pixels: tuple[int, int], *, off_screen: bool = True) -> Any:
+    """Return a pyvista plotter with white ground and parallel projection."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # VTK looks for a screen aloud
-    view: Any = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="light kit")
+    view: Any = pyvista.Plotter(
+        off_screen=off_screen, window_size=list(pixels), lighting="light kit"
+    )
     view.set_background("white")
     view.enable_parallel_projection()
     view.enable_anti_aliasing("msaa")  # ssaa takes three times as long in software
