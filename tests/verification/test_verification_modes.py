@@ -122,7 +122,7 @@ def test_row_20_pinned_pinned_mode_on_the_sleepers():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seats", [False, True])
+@pytest.mark.parametrize("seats", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_row_20_deflection_on_a_foundation(seats):
     """10 m of rail on springs of the track, 100 kN in the middle: an endless beam, 3 %.
 
@@ -192,6 +192,7 @@ def wheel(layers: int, top: float, **changes):
     return modes(scene, comm=MPI.COMM_SELF, top=top, size=0.026 / layers, **changes)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_row_21_clamped_wheel():
     """Bore clamped, up to 2.6 kHz, 2 and 3 cells across the web, order 2 in their size.

@@ -101,7 +101,13 @@ def test_carter_ends_on_his_creepage(carters):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("creepage", "share"), CURVE)
+@pytest.mark.parametrize(
+    ("creepage", "share"),
+    [
+        pytest.param(*point, marks=[] if point[0] == EXAMPLE else pytest.mark.long)
+        for point in CURVE
+    ],
+)
 def test_row_15_carter(request, tmp_path, creepage, share):
     """0.3 mm: creepage for the traction 3 %, stick zone one cell, at the leading edge; ledger.
 
@@ -183,6 +189,7 @@ LATERAL = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_row_16_lateral_creepage(tmp_path):
     """The same, 6e-4 across, on the whole contact: c₂₂ 5 %, steady to 3 %; ledger 1e-3."""

@@ -98,6 +98,7 @@ def off_line(found: dict, nodal: str, column: str) -> float:
     return float(np.sqrt(np.mean(off[inner] ** 2)) / line[column].max())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [1, -1], ids=["driven", "braked"])
 def test_row_16_tread_against_contact(rolled, way):
@@ -115,6 +116,7 @@ def test_row_16_tread_against_contact(rolled, way):
     assert found["balance"] < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_row_16_tread_traction(rolled):
     """Traction for the creepage: mean of driven and braked 1 %, each 4 %.
@@ -135,6 +137,7 @@ def test_row_16_tread_traction(rolled):
     assert (braked - driven) / 2 / slope == pytest.approx(pressed / 3 / RADIUS, rel=0.15)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_tread_rolling_ends_on_contact(example):
     """The example: traction 4 %, stick area 0.04 of the patch; a figure."""

@@ -51,6 +51,7 @@ def numbers(node) -> list:
     return [node] if isinstance(node, int | float) and not isinstance(node, bool) else []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_quick_bench_is_complete(quick):
@@ -72,6 +73,7 @@ def test_quick_bench_is_complete(quick):
     assert str(Path.home()) not in json.dumps(found["host"])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_engines_agree_with_dolfinx(quick):
@@ -82,6 +84,7 @@ def test_engines_agree_with_dolfinx(quick):
         assert 1e-13 < engines["native float32"]["difference"] <= 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_phases_of_the_main_scene(quick):
@@ -97,6 +100,7 @@ def test_phases_of_the_main_scene(quick):
         assert 0.2 < ranks["share"] < 1
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_other_codes_do_the_same_job(quick):
@@ -122,6 +126,7 @@ def test_a_code_that_is_not_installed_is_skipped(monkeypatch):
     assert lines == [f"{name}: {peers.EXTRA}" for name in peers.MODULES]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_figure_is_written(quick):
