@@ -6,7 +6,7 @@ not jump.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from workflow.model.state import Load
 from workflow.model.supports import supports
 from workflow.scene.settings import Equilibrium
 
+if TYPE_CHECKING:
+    from workflow.simulation.elastic import Free
+
 Log = Callable[[str], Any]
 Solve = Callable[[bool], int]  # to rest, roughly or not, and the iterations used
 
@@ -30,6 +33,7 @@ class AtRest:
         model: The model; its displacement, contact state and point masses are set.
         settings: Tolerance, iterations, first guess, extra supports, shift.
         held: Owned scalar dofs that stay.
+        free: Motions whose inertia balances the other forces; None for none.
     """
 
     def __init__(
@@ -37,7 +41,8 @@ class AtRest:
         model: Model,
         settings: Equilibrium,
         extra: Array,
-        inertia: Load | None = None,
+        friction: Load | None = None,
+        free: "Free | None" = None,
     ) -> None:
         """Take a model.
 
@@ -46,9 +51,10 @@ class AtRest:
             settings: How the scene wants its equilibrium.
             extra: More dead load of every owned dof (the centrifugal force of a spinning wheel) or
                 none, N.
-            inertia: Adds to the sum of all forces what balances it in motions that are free.
+            friction: Adds the friction of bodies that slide; a model at rest has none.
+            free: Motions whose inertia balances the other forces.
         """
-        self.model, self.settings = model, settings
+        self.model, self.settings, self.free = model, settings, free
         self.held = held_dofs(model, settings)
         self._dead = [item for item in model.items if isinstance(item, DeadLoad)]
         items = list(model.items)
@@ -59,11 +65,11 @@ class AtRest:
         acting = [item for item in items if getattr(item, "rest", item.add) is not None]
         last = [item for item in acting if getattr(item, "last", False)]
         self._last = [getattr(item, "rest", item.add) for item in last]
-        self._last += [inertia] if inertia is not None else []
+        self._last += [friction] if friction is not None else []
         self._loads = [getattr(item, "rest", item.add) for item in acting if item not in last]
 
     def out_of_balance(self) -> la.Vector:
-        """Return the sum of all forces, zero where held; point masses settled, no friction [N]."""
+        """Return the sum of all forces, zero where held; point masses settled [N]."""
         state = self.model.state
         state.a.array[:] = 0.0
         for add in self._loads:
@@ -72,6 +78,8 @@ class AtRest:
         for add in self._last:
             add(state, state.a)
         state.a.array[self.held] = 0.0
+        if self.free is not None:
+            self.free.balance(state.a.array[: 3 * self.model.domain.owned])
         return state.a
 
     def load_size(self) -> float:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Linear elastic bodies with their connections, factorised once: forces in, displacements out."""
 
+from dataclasses import dataclass
 from typing import Any, cast
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -22,6 +24,30 @@ SPD: Any = PETSc.Mat.Option.SPD
 ANCHOR = 1e-4  # all anchors in one direction together, over the mean stiffness of a dof
 
 
+@dataclass(frozen=True, eq=False)
+class Free:
+    """Motions that nothing resists: in a steady state their inertia balances the other forces.
+
+    Attributes:
+        comm: Ranks.
+        mass: Of each owned dof, shape ``(n,)`` [kg].
+        motions: Of the owned dofs, orthogonal in mass, shape ``(n, k)`` [kg^-1/2].
+    """
+
+    comm: MPI.Comm
+    mass: Array
+    motions: Array
+
+    def balance(self, force: Array) -> None:
+        """Take away what accelerates these motions, of forces ``(n,)`` or ``(n, m)``, in place."""
+        along = self.comm.allreduce(self.motions.T @ force)
+        force -= (self.mass * (self.motions @ along).T).T
+
+    def leave(self, u: Array) -> None:
+        """Take these motions off displacements ``(n,)`` or ``(n, m)``, in place."""
+        u -= self.motions @ self.comm.allreduce(self.motions.T @ (self.mass * u.T).T)
+
+
 class Elastic:
     """Stiffness at the undeformed shape as a Cholesky factor (MUMPS).
 
@@ -32,16 +58,18 @@ class Elastic:
 
     Attributes:
         anchor: Stiffness of the anchor of a dof [N/m].
+        free: Motions that are balanced by their inertia, instead of anchors; None for none.
     """
 
-    def __init__(self, model: Model, held: npt.NDArray[np.int32]) -> None:
+    def __init__(self, model: Model, held: npt.NDArray[np.int32], free: Free | None = None) -> None:
         """Factorise; collective.
 
         Args:
             model: The model.
             held: Owned scalar dofs that stay.
+            free: Motions that are balanced by their inertia.
         """
-        domain = model.domain
+        domain, self.free = model.domain, free
         self.comm, self.n, self.held = domain.msh.comm, 3 * domain.owned, held
         K = elastic_stiffness(model)
         first = domain.V.dofmap.index_map.local_range[0]
@@ -63,7 +91,11 @@ class Elastic:
     def solve(self, force: la.Vector, u: la.Vector) -> None:
         """Set the owned part of ``u`` [m] to the displacement under ``force`` [N]."""
         force.array[self.held] = 0.0
+        if self.free is not None:
+            self.free.balance(force.array[: self.n])
         self._factor.solve(force.petsc_vec, u.petsc_vec)
+        if self.free is not None:
+            self.free.leave(u.array[: self.n])
 
     def solve_many(self, forces: Array) -> Array:
         """Return the displacements of the owned dofs under each column of ``forces``, ``(n, m)``.
@@ -76,11 +108,16 @@ class Elastic:
         F, U = (PETSc.Mat().createDense(sizes, comm=self.comm) for _ in range(2))
         F.setUp()
         U.setUp()
-        array = F.getDenseArray()
+        array: Array = cast(Array, F.getDenseArray())
         array[:] = forces
         array[self.held] = 0.0
+        if self.free is not None:
+            self.free.balance(array)
         self._factor.matSolve(F, U)
-        return np.array(U.getDenseArray(readonly=True))
+        found: Array = np.array(U.getDenseArray(readonly=True), dtype=np.float64)
+        if self.free is not None:
+            self.free.leave(found)
+        return found
 
 
 def elastic_stiffness(model: Model, at: fem.Function | None = None) -> PETSc.Mat:

@@ -16,16 +16,22 @@ from workflow.model.geometry import cell_size
 from workflow.simulation.at_rest import AtRest, Log, Solve
 from workflow.simulation.elastic import Elastic
 from workflow.simulation.guards import GuardError
-from workflow.simulation.pressing import Surfaces
+from workflow.simulation.pressing import Pushing, Surfaces
 from workflow.simulation.secants import Secants
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift
 LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
 
 
-def equilibrium(problem: AtRest, log: Log) -> Solve:
-    """Return the static solve of a model at rest; its factor lasts from call to call."""
-    solver, tolerance = Solver(problem), problem.settings.tolerance
+def equilibrium(problem: AtRest, log: Log, pushing: Pushing | None = None) -> Solve:
+    """Return the static solve of a model at rest; its factor lasts from call to call.
+
+    Args:
+        problem: The model with its loads at rest.
+        log: Called with a line per iteration.
+        pushing: Direction in which contacts push; along their normals if None.
+    """
+    solver, tolerance = Solver(problem, pushing), problem.settings.tolerance
 
     def solve(rough: bool) -> int:
         if rough:
@@ -82,10 +88,10 @@ class Solver:
         force: Of every contact spring that there can be, as the last step found it [N].
     """
 
-    def __init__(self, problem: AtRest) -> None:
+    def __init__(self, problem: AtRest, pushing: Pushing | None = None) -> None:
         self.model = problem.model
-        self.elastic = Elastic(problem.model, problem.held)
-        self.surfaces = Surfaces(problem.model, self.elastic)
+        self.elastic = Elastic(problem.model, problem.held, problem.free)
+        self.surfaces = Surfaces(problem.model, self.elastic, pushing)
         self.force = np.zeros(self.surfaces.count)
         self.secants = Secants(problem.model.domain.msh.comm)
         index_map = problem.model.domain.V.dofmap.index_map

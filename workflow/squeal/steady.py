@@ -6,28 +6,27 @@ it. Bodies that nothing resists in some rigid motion accelerate; their inertia b
 not ``equilibrium.hold``, which a run does not have either.
 """
 
-from collections.abc import Callable, Collection
-from dataclasses import replace
-
-from petsc4py import PETSc
+from collections.abc import Collection
 
 import numpy as np
 from dolfinx import la
 from scipy.linalg import eigh
 
+from contact.friction import LawState, coefficients
+from contact.one_pass import Pass
+from contact.tangent import RestSprings
 from meshes.arrays import Array
 from workflow.model import Model
 from workflow.model.state import State
 from workflow.scene.settings import Equilibrium
 from workflow.simulation import rolling
 from workflow.simulation.at_rest import AtRest, Log
+from workflow.simulation.elastic import Free
 from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import rest
-from workflow.squeal.pencil import pencil, summed, times
+from workflow.squeal.pencil import pencil, times
 from workflow.squeal.sliding import Face, faces, friction_of, in_motion
 
-FREED = 20  # solves at most, each of which leaves a hundredth of the free motion or less
-SHORTEST = 0.02  # part of a step of Newton's method
 LOOSE = 10.0  # Hz: rigid motions that are resisted less are free
 HELD = 1e3  # that of held ones over it
 
@@ -52,124 +51,86 @@ def steady(
     """
     rest(model, log)
     in_motion(model)
-
-    def resting() -> list[Face]:
-        """Return the contacts without springs in stick, whose forces are not known at rest."""
-        return [
-            replace(face, contacts=face.contacts.stuck(0.0)) if face.sticks else face
-            for face in faces(model, slip, sticking)
-        ]
-
-    settle(model, resting, log)
+    settle(model, slip, sticking, log)
     return faces(model, slip, sticking)
 
 
-def settle(model: Model, find: Callable[[], list[Face]], log: Log) -> None:
-    """Let normal forces and friction come to rest together, in place: Newton's method.
+def settle(model: Model, slip: Array | None, sticking: Collection[str], log: Log) -> None:
+    """Let normal forces and friction come to rest together, in place.
+
+    The method is that of a model at rest, whose contacts push along their normals: here they push
+    aslant, by their friction.
 
     Args:
-        model: The model at rest without friction.
-        find: Returns its contacts.
+        model: The model at rest without friction, with the velocities of its bodies.
+        slip: Velocity of contactors against targets, instead of theirs [m/s].
+        sticking: Contacts that stick.
         log: Called with lines of progress.
 
     Raises:
         GuardError: if they do not.
     """
-    n, comm, u = 3 * model.domain.owned, model.domain.msh.comm, model.state.u.x
+    # the solver of statics is imported where something slides
+    from workflow.simulation.equilibrium import equilibrium
+
     settings = (model.scene.equilibrium or Equilibrium()).model_copy(update={"hold": []})
-    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(n)
-    load, inertia = always.copy(), Inertia(model, find())
-    problem = AtRest(model, settings, load, inertia.add)
+    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(0)
+    owned = 3 * model.domain.owned
 
-    def left() -> tuple[list[Face], Array, float]:
-        """Return contacts, forces out of balance [N], and their size over the loads."""
-        found = find()
-        load[:] = always + friction_of(model, found)
-        force = problem.out_of_balance().array[:n].copy()
-        return found, force, float(np.sqrt(comm.allreduce(force @ force))) / problem.load_size()
+    def resting() -> list[Face]:
+        """Return the contacts that slide; the forces of springs in stick are not known at rest."""
+        return [face for face in faces(model, slip, sticking) if not face.sticks]
 
-    found, force, size = left()
-    for k in range(settings.max_iterations + 1):
-        log(f"sliding {k}: residual {size:.2e}, {sum(len(f.patch) for f in found)} contacts")
-        if size <= settings.tolerance:
-            return
-        before, step = u.array[:n].copy(), newton_step(model, found, inertia, force)
-        share, last = 1.0, size
-        while True:
-            u.array[:n] = before + share * step
-            u.scatter_forward()
-            found, force, size = left()
-            if size < last or share < SHORTEST:
-                break
-            share /= 2
-    raise GuardError(
-        f"squeal: no steady sliding: residual {size:.1e} of the load after "
-        f"{settings.max_iterations} iterations, expected {settings.tolerance:.0e}; does friction "
-        "wedge the bodies, or lift them off? Try a smaller coefficient"
-    )
+    def friction(state: State, force: la.Vector) -> None:
+        """Add the friction of what touches at present."""
+        force.array[:owned] += friction_of(model, resting())
+
+    stuck = [side for name in sticking for side in model.pairs[name].passes]
+
+    def pushing(side: Pass, springs: RestSprings) -> Array:
+        """Return the force of contacts per normal force."""
+        if side in stuck:
+            return springs.normal
+        return slanted(side, springs, model, slip)
+
+    free = free_motions(model, faces(model, slip, sticking))
+    problem = AtRest(model, settings, always, friction, free)
+    try:
+        equilibrium(problem, lambda line: log(f"sliding, {line}"), pushing)(False)
+    except GuardError as error:
+        raise GuardError(
+            f"squeal: no steady sliding ({error}); does friction wedge the bodies, or lift them "
+            "off? Try a smaller coefficient"
+        ) from None
 
 
-def newton_step(model: Model, found: list[Face], inertia: "Inertia", force: Array) -> Array:
-    """Return the displacements of the owned dofs that forces out of balance ask for [m].
-
-    Friction that changes with the normal forces has another inertia to balance it: what moves the
-    bodies freely is taken off the forces, and what is left off the displacements.
-    """
-    small, n, comm = pencil(model, found), len(force), model.domain.msh.comm
-    A, shift = summed(small.K, small.K_f, 1.0), (2 * np.pi * LOOSE) ** 2
-    A.shift(shift)
-    pc = PETSc.PC().create(A.getComm())
-    pc.setOperators(A)
-    pc.setType("lu")
-    pc.setFactorSolverType("mumps")
-    x, y = A.createVecRight(), A.createVecLeft()
-    free = (inertia.loose.T * inertia.mass) @ small.T[:n]
-    x.array[:] = force @ small.T[:n]
-    first = 0.0
-    for _ in range(FREED):
-        pc.apply(x, y)
-        along = comm.allreduce(free @ y.array_r)
-        first = max(first, float(np.abs(along).max(initial=0.0)))
-        if np.abs(along).max(initial=0.0) <= 1e-12 * first:
-            break
-        x.array[:] -= shift * (along @ free)
-    step = (small.T @ y.array_r)[:n]
-    pc.destroy()
-    return inertia.without(np.asarray(step))
+def slanted(side: Pass, springs: RestSprings, model: Model, slip: Array | None) -> Array:
+    """Return normal less friction of contacts near touch, shape ``(m, 3)``; collective."""
+    n, c = springs.normal, springs.number
+    w = side.velocity(c, model.state) if slip is None else np.broadcast_to(slip, n.shape)
+    w = w - np.einsum("ma,ma->m", w, n)[:, None] * n
+    speed = np.linalg.norm(w, axis=1)
+    pressure = springs.stiffness * np.maximum(0.0, -springs.gap) / side.stack.area[c]
+    state = LawState(model.scene.time.end, 1e-9, side.stack.node[c], np.full(len(c), np.nan))
+    friction = coefficients(side.options.law, speed, pressure, state)
+    along = w / np.maximum(speed, 1e-300)[:, None]
+    return np.asarray(n - friction[:, None] * along)
 
 
-class Inertia:
-    """Inertia of bodies in the rigid motions that nothing resists: it balances all other forces.
-
-    Attributes:
-        loose: These motions, orthogonal in mass, shape ``(3 owned, k)`` [kg^-1/2].
-        mass: Of each owned dof, shape ``(3 owned,)`` [kg].
-    """
-
-    def __init__(self, model: Model, found: list[Face]) -> None:
-        """Find them: rigid motions of bodies that contacts, springs and supports leave alone."""
-        self.comm, small = model.domain.msh.comm, pencil(model, found)
-        n = 3 * model.domain.owned
-        self.mass = model.mass.array[:n]
-        moves = np.concatenate([rigid(model, name) for name in model.scene.bodies])
-        moves /= np.sqrt(self.comm.allreduce((moves**2 * self.mass).sum(axis=1)))[:, None]
-        y = (moves * self.mass) @ small.T[:n]  # what supports leave of them
-        whole = moves * self.mass @ moves.T
-        stiff, held = y @ times(small.K, y).T, whole - y @ y.T
-        stiff, held, whole = self.comm.allreduce(np.array([stiff, held, whole]))
-        stiff = (stiff + stiff.T) / 2 + (HELD * 2 * np.pi * LOOSE) ** 2 * held
-        values, vectors = self.comm.bcast(eigh(stiff, whole))
-        self.loose = moves.T @ vectors[:, values < (2 * np.pi * LOOSE) ** 2]
-
-    def add(self, state: State, force: la.Vector) -> None:
-        """Take away what accelerates the bodies, from the sum of all other forces."""
-        n = len(self.mass)
-        along = self.comm.allreduce(self.loose.T @ force.array[:n])
-        force.array[:n] -= self.mass * (self.loose @ along)
-
-    def without(self, u: Array) -> Array:
-        """Return a displacement of the owned dofs without these motions [m]."""
-        return np.asarray(u - self.loose @ self.comm.allreduce(self.loose.T @ (self.mass * u)))
+def free_motions(model: Model, found: list[Face]) -> Free:
+    """Return the rigid motions of bodies that contacts, springs and supports leave alone."""
+    comm, small = model.domain.msh.comm, pencil(model, found)
+    n = 3 * model.domain.owned
+    mass = model.mass.array[:n]
+    moves = np.concatenate([rigid(model, name) for name in model.scene.bodies])
+    moves /= np.sqrt(comm.allreduce((moves**2 * mass).sum(axis=1)))[:, None]
+    y = (moves * mass) @ small.T[:n]  # what supports leave of them
+    whole = moves * mass @ moves.T
+    stiff, held = y @ times(small.K, y).T, whole - y @ y.T
+    stiff, held, whole = comm.allreduce(np.array([stiff, held, whole]))
+    stiff = (stiff + stiff.T) / 2 + (HELD * 2 * np.pi * LOOSE) ** 2 * held
+    values, vectors = comm.bcast(eigh(stiff, whole))
+    return Free(comm, mass, moves.T @ vectors[:, values < (2 * np.pi * LOOSE) ** 2])
 
 
 def rigid(model: Model, name: str) -> Array:
