@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Internal force of bodies whose material has a memory, as items of a model."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mpi4py import MPI
@@ -18,7 +18,9 @@ from forms.memory import EQUIVALENT
 from forms.plasticity import MEMORY_LAWS
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
+from workflow.model.cost import size_in_words
 from workflow.model.state import State
+from workflow.model.zones import border
 
 TOLERANCE = 1e-6  # of the law's own scale: what its local iterations may leave
 
@@ -37,6 +39,10 @@ class MemoryForce:
         name: That of the body.
         u: Displacement.
         precision: Type that is computed with.
+
+    Attributes:
+        yielding: For the summary: how many cells have a history and their body has, bytes that it
+            takes, and how many cells have yielded at the border of the zone, if there is one.
     """
 
     phase = "internal_force"
@@ -44,7 +50,7 @@ class MemoryForce:
 
     def __init__(self, bodies: Bodies, name: str, u: Any, precision: str) -> None:
         body, material = bodies.scene.bodies[name], bodies.materials[name]
-        domain, dx = bodies.domain, bodies.dx(bodies.tags(body))
+        domain, dx = bodies.domain, bodies.remembering(name)
         self.name, self.domain, self.comm = name, domain, domain.msh.comm
         rotating = body.kinematics == "total-lagrangian"
         split = body.element == "selective"
@@ -63,6 +69,14 @@ class MemoryForce:
         self.kernel = self.points.force(u)
         self.cell_fields = (EQUIVALENT,) if EQUIVALENT in self.points.variables else ()
         self._cells = domain.msh.topology.original_cell_index[self.points.history.cells]
+        inside, whole = bodies.zones[name], bodies.whole(name)
+        self._at_border = border(domain.source, inside, whole)[self._cells]
+        self.yielding = {
+            "cells": int(inside.sum()),
+            "cells_of_body": int(whole.sum()),
+            "bytes": self.comm.allreduce(self.points.history.table.nbytes),
+        }
+        self._noticed = False
         Q = fem.functionspace(domain.msh, ("DG", 0))
         self._sums = np.zeros(Q.dofmap.index_map.size_local + Q.dofmap.index_map.num_ghosts)
         self._terms = {
@@ -77,6 +91,13 @@ class MemoryForce:
             self._pressure = CellKernel(-form * one_point(dx), precision)
             stored = dilatation_energy(u, material, rotating=rotating) * one_point(dx)
             self._volume = CellIntegral(stored)
+
+    @property
+    def size(self) -> str:
+        """How many cells have a memory, and what it takes, in words."""
+        count, of = self.yielding["cells"], self.yielding["cells_of_body"]
+        room = size_in_words(self.yielding["bytes"])
+        return f"bodies.{self.name}: {count} of {of} cells may yield, {room} of history"
 
     def add(self, state: State, force: la.Vector) -> None:
         """Add this rank's cells and renew the history."""
@@ -144,8 +165,22 @@ class MemoryForce:
         """Return the columns of the history: the largest plastic strain so far; collective [-]."""
         if not self.cell_fields:
             return {}
-        own = float(self.points.values()[EQUIVALENT].max(initial=0.0))
-        return {f"{self.name}_largest_plastic_strain": self.comm.allreduce(own, op=MPI.MAX)}
+        strain = self.points.values()[EQUIVALENT].max(axis=(1, 2), initial=0.0)
+        largest = self.comm.allreduce(float(strain.max(initial=0.0)), op=MPI.MAX)
+        if self.yielding["cells"] < self.yielding["cells_of_body"]:
+            own = int((strain[self._at_border] > 0).sum())
+            self.yielding["yielded_at_border"] = self.comm.allreduce(own)
+        return {f"{self.name}_largest_plastic_strain": largest}
+
+    def notices(self) -> Iterator[str]:
+        """Yield a line when cells at the border of the zone have yielded for the first time."""
+        count = self.yielding.get("yielded_at_border", 0)
+        if count and not self._noticed:
+            self._noticed = True
+            yield (
+                f"bodies.{self.name}.yielding: {count} cells at the border of the zone have "
+                "yielded, those beyond cannot; a larger yielding.depth or yielding.box lets them"
+            )
 
     def cell_means(self, name: str) -> Array:
         """Return the mean over the points of a history variable, by cell of the mesh; collective.

@@ -48,6 +48,7 @@ class Item(Protocol):
     - ``columns() -> dict[str, float]``: its columns of the history, the same on all ranks;
       collective. ``cell_fields``, names, and ``cell_means(name)``, an array of all cells on rank 0:
       its fields of cells in ``fields.vtkhdf``; collective.
+    - ``notices() -> Iterator[str]``: lines for the log at an output, the same on all ranks.
     - ``back(dt)`` and ``step(dt)``: motion of its own beside the mesh, as point masses have it.
     """
 

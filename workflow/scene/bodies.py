@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Tables of a body: material, element, kinematics, damping."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -13,7 +14,9 @@ from workflow.scene.units import (
     Density,
     Factor,
     Hardening,
+    Length,
     Modulus,
+    Position,
     Rate,
     Ratio,
     Section,
@@ -26,6 +29,7 @@ MEMORY = ("j2",)  # laws with a memory
 FOLLOWING = (*LINEAR, *MEMORY)  # laws that follow the kinematics of their body
 
 Axis = tuple[Component, Component, Component]
+Place = tuple[Position, Position, Position]
 
 
 def _known(law: str) -> str:
@@ -197,6 +201,25 @@ class BulkViscosity(Section):
     """Coefficient of the pressure in proportion to its square."""
 
 
+class Yielding(Section):
+    """The part of a body that may yield: cells whose centres are where all that is given says."""
+
+    depth: Length | None = Field(default=None, examples=[0.012])
+    """Distance from the surfaces of the body that contacts name."""
+    box: tuple[Place, Place] | None = Field(
+        default=None, examples=[[[-0.05, 0.68, -0.02], [0.25, 0.8, 0.0]]]
+    )
+    """Least and largest coordinates in the undeformed mesh."""
+
+    def unfit(self, key: str) -> Iterator[str]:
+        """Yield a line for what cannot be; ``key`` is that of the table."""
+        if self.depth is None and self.box is None:
+            yield f"{key}: expected depth, box or both, got neither"
+        if self.box and not all(a < b for a, b in zip(*self.box, strict=True)):
+            box = [*map(list, self.box)]
+            yield f"{key}.box = {box}: expected the least coordinates, then larger ones"
+
+
 class Body(Section):
     """Regions of the mesh that share a material, an element and kinematics."""
 
@@ -204,6 +227,8 @@ class Body(Section):
     """Regions of the mesh that this body is made of."""
     material: Material
     """Law and constants of the material."""
+    yielding: Yielding | None = None
+    """Part of a body of `law = "j2"` that may yield, elsewhere it is elastic; all if left out."""
     kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
     """Strain measure; left out, `total-lagrangian` for a body that the scene makes turn."""
     element: Literal["full", "one-point", "selective"] = "full"

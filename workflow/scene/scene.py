@@ -197,6 +197,10 @@ class Scene(Section):
                 )
             if law in MEMORY:
                 yield from self._unfit_memory(key, body)
+            elif body.yielding is not None:
+                yield f"{key}.yielding: expected material.law = 'j2', got {law!r}"
+            if body.yielding is not None:
+                yield from body.yielding.unfit(f"{key}.yielding")
             if body.hourglass_coefficient is not None and body.element != "one-point":
                 yield (
                     f"{key}.hourglass_coefficient: expected element = 'one-point', "

@@ -118,6 +118,7 @@ def summarise(
             "area": float(np.sum(footprint.area)),
             "contact_angles": [patch.contact_angle for patch in footprint.patches],
         }
+    yielding = {item.name: item.yielding for item in model.items if hasattr(item, "yielding")}
     stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
     return {
         "scene": model.scene.name,
@@ -133,6 +134,7 @@ def summarise(
         "dt": model.dt,
         "dt_bound": model.dt_bound,
         "added_mass": model.added_mass.tables() if model.added_mass is not None else None,
+        **({"yielding": yielding} if yielding else {}),
         "wall_seconds": wall,
         "processor_seconds": clock.processor,
         "seconds_per_phase": clock.seconds,
