@@ -5,9 +5,18 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
+from workflow.scene.steels import Grade, constants
 from workflow.scene.units import (
     Component,
     Delay,
@@ -99,6 +108,11 @@ class BackStress(Section):
     """How fast it forgets: its largest value is `modulus / recall`; 0 for linear hardening."""
 
 
+def _of_a_grade_or_complete(schema: dict[str, Any]) -> None:
+    """Require a grade, or all that it stands for."""
+    schema["anyOf"] = [{"required": ["steel"]}, {"required": schema.pop("required")}]
+
+
 class ElastoPlastic(Section):
     """Isotropic steel that yields: J2 plasticity with isotropic and kinematic hardening.
 
@@ -107,8 +121,15 @@ class ElastoPlastic(Section):
     kinematics say.
     """
 
+    model_config = ConfigDict(json_schema_extra=_of_a_grade_or_complete)
+
     law: Literal["j2"]
     """Names this kind of material."""
+    steel: Grade | None = Field(default=None, examples=["R260"])
+    """Grade that yields at 480 (`R260`), 770 (`R350HT`), 520 (`ER7`), 540 MPa (`ER8`), perfectly
+    plastic: `law` and constants are its own where they are left out. The page *Steels* says how
+    well they are known.
+    """
     youngs_modulus: Modulus
     """Young's modulus."""
     poisson_ratio: Ratio
@@ -127,6 +148,21 @@ class ElastoPlastic(Section):
         (), examples=[[{"modulus": 60e9, "recall": 300.0}]]
     )
     """Kinematic hardening: back stresses after Armstrong and Frederick, as many as wanted."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_grade(cls, data: Any) -> Any:
+        """Fill in what a grade stands for where it is left out."""
+        if not isinstance(data, dict) or "steel" not in data:
+            return data
+        return constants(data["steel"]) | data
+
+    @model_serializer(mode="wrap")
+    def _as_given(self, write: Any) -> dict[str, Any]:
+        """Leave out what a grade stands for: another one then has constants of its own."""
+        table: dict[str, Any] = write(self)
+        own = {} if self.steel is None else constants(self.steel)
+        return {k: v for k, v in table.items() if k not in own or own[k] != v}
 
     def constants(self, damping: float = 0.0) -> Any:
         """Return the constants as the forms take them.
@@ -180,7 +216,7 @@ class Orthotropic(Section):
 def law_of(material: Any) -> str:
     """Return which table of a material is meant: ``isotropic``, ``orthotropic`` or ``j2``."""
     get = material.get if isinstance(material, dict) else partial(getattr, material)
-    law = get("law", "hooke")
+    law = get("law", "j2" if isinstance(material, dict) and "steel" in material else "hooke")
     return str(law) if law in ("orthotropic", *MEMORY) else "isotropic"
 
 
