@@ -22,7 +22,13 @@ from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
 from workflow.model.checks import check, check_room, check_step
 from workflow.model.geometry import domain_of, on_root
-from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
+from workflow.model.loads import (
+    carried_mass,
+    dead_load,
+    drive_torque,
+    mass_damping,
+    ramped_loads,
+)
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
@@ -207,8 +213,9 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
         domain,
     )
     items: list[Any] = [*internal_forces(bodies, state, log)]
-    if scene.gravity is not None or scene.loads:
+    if scene.gravity is not None or any(not load.ramp for load in scene.loads):
         items.insert(1, dead_load(scene, domain))
+    items += ramped_loads(scene, domain)
     if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:

@@ -192,12 +192,16 @@ class Driven(Section):
 
 
 class Load(Section):
-    """A dead traction on a surface."""
+    """A dead traction, or a pressure along the normal, on a surface as it is undeformed."""
 
     surface: str
     """Surface that is loaded."""
-    traction: tuple[Stress, Stress, Stress]
-    """Force over area of the undeformed surface."""
+    traction: tuple[Stress, Stress, Stress] = (0.0, 0.0, 0.0)
+    """Force over area of the undeformed surface; this, `pressure` or both."""
+    pressure: Stress = 0.0
+    """Pressure against the undeformed surface; positive pushes into the body."""
+    ramp: Delay = 0.0
+    """Time from zero on in which the load comes up, smoothly; 0: it acts always, at rest too."""
 
 
 class Rolling(Section):
