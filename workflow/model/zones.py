@@ -4,7 +4,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from meshes.arrays import Array, Flags
 from meshes.hexmesh import HexMesh
@@ -39,6 +38,8 @@ def zone(scene: Scene, mesh: HexMesh, name: str) -> Flags:
                 f"reaches from {_place(centres.min(axis=0))} to {_place(centres.max(axis=0))} m"
             )
     if limits.depth is not None:
+        from scipy.spatial import cKDTree  # half a second that others need not wait for
+
         distance, _ = cKDTree(_touched(scene, mesh, name)).query(centres)
         inside[own] &= distance <= limits.depth
         if not inside.any():
