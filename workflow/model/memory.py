@@ -107,6 +107,10 @@ class MemoryForce:
         """Add this rank's cells, the history left as it is."""
         self._add(force, renew=False)
 
+    def settle_memory(self, state: State) -> None:
+        """Renew the history, the force left aside."""
+        self.kernel.add(np.zeros_like(state.a.array), renew=True)
+
     def _add(self, force: la.Vector, *, renew: bool) -> None:
         self.kernel.add(force.array, renew=renew)
         if self._pressure is not None:
