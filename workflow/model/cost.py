@@ -183,11 +183,15 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
 def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
     """Return what results and fields take [bytes]; fields are two vectors of single precision.
 
-    A checkpoint has a copy of the results. Where steel yields, there is the plastic strain of each
-    cell besides; there are about as many as nodes.
+    A checkpoint has a copy of the results. Where steel yields, there are plastic strain and von
+    Mises' stress of each cell besides, and stresses if asked for; about as many cells as nodes.
     """
     yields = any(body.material.law in MEMORY for body in scene.bodies.values())
-    fields = nodes * (100.0 + (28.0 if yields else 24.0) * outputs) if scene.output.fields else 0.0
+    fields = (
+        nodes * (100.0 + (24.0 + yields * (8.0 + 48.0 * scene.output.stress)) * outputs)
+        if scene.output.fields
+        else 0.0
+    )
     channels = 8 + 24 * len(scene.probes) + 48 * len(scene.contacts)
     results = FIRST + outputs * (HISTORY + RECORD * len(scene.contacts)) + float(samples) * channels
     kept = scene.output.checkpoint_minutes > 0 or scene.output.checkpoint_steps is not None

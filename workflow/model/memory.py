@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem, la
 
 from forms.cells import one_point
-from forms.dilatation import dilatation, dilatation_energy
+from forms.dilatation import dilatation, dilatation_energy, mean_stress
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
 from forms.memory import EQUIVALENT
@@ -22,6 +22,8 @@ from workflow.model.cost import size_in_words
 from workflow.model.state import State
 from workflow.model.zones import border
 
+VON_MISES, STRESS, BACK_STRESS = "von_mises_stress", "stress", "back_stress"
+IN_VTK = [0, 1, 2, 3, 5, 4]  # numbers of a tensor in VTK's order
 TOLERANCE = 1e-6  # of the law's own scale: what its local iterations may leave
 
 
@@ -67,7 +69,12 @@ class MemoryForce:
             dtype=precision,
         )
         self.kernel = self.points.force(u)
+        self._hardens = [name for name in self.points.variables if name.startswith(BACK_STRESS)]
         self.cell_fields = (EQUIVALENT,) if EQUIVALENT in self.points.variables else ()
+        self.cell_fields += (VON_MISES,)
+        if bodies.scene.output.stress:
+            self.cell_fields += (STRESS, BACK_STRESS) if self._hardens else (STRESS,)
+        self._u, self._split = u, split
         self._cells = domain.msh.topology.original_cell_index[self.points.history.cells]
         inside, whole = bodies.zones[name], bodies.whole(name)
         self._at_border = border(domain.source, inside, whole)[self._cells]
@@ -77,6 +84,8 @@ class MemoryForce:
             "bytes": self.comm.allreduce(self.points.history.table.nbytes),
         }
         self._noticed = False
+        self._stress_kernels: dict[str, Any] = {}
+        self._mean_stress: CellKernel | None = None
         Q = fem.functionspace(domain.msh, ("DG", 0))
         self._sums = np.zeros(Q.dofmap.index_map.size_local + Q.dofmap.index_map.num_ghosts)
         self._terms = {
@@ -167,7 +176,7 @@ class MemoryForce:
 
     def columns(self) -> dict[str, float]:
         """Return the columns of the history: the largest plastic strain so far; collective [-]."""
-        if not self.cell_fields:
+        if EQUIVALENT not in self.points.variables:
             return {}
         strain = self.points.values()[EQUIVALENT].max(axis=(1, 2), initial=0.0)
         largest = self.comm.allreduce(float(strain.max(initial=0.0)), op=MPI.MAX)
@@ -187,16 +196,54 @@ class MemoryForce:
             )
 
     def cell_means(self, name: str) -> Array:
-        """Return the mean over the points of a history variable, by cell of the mesh; collective.
+        """Return the mean over the points of a field, by cell of the mesh; collective.
 
-        On rank 0; zero in cells of other bodies.
+        On rank 0; in other cells strain is zero, stress is not a number. Tensors have six numbers
+        as VTK has them, xx, yy, zz, xy, yz, xz.
         """
-        own = self.points.values()[name].mean(axis=(1, 2))
+        if name == EQUIVALENT:
+            own = self.points.values()[name].mean(axis=(1, 2))
+        elif name == BACK_STRESS:
+            values = self.points.values()
+            own = np.sum([values[k].mean(axis=1) for k in self._hardens], axis=0)[:, IN_VTK]
+        else:
+            own = self._stresses(name)
         parts = self.comm.gather((self._cells, own))
-        out = np.zeros(len(self.domain.source.cells) if parts else 0)
+        shape = (len(self.domain.source.cells) if parts else 0, *own.shape[1:])
+        out = np.full(shape, 0.0 if name == EQUIVALENT else np.nan)
         for cells, values in parts or ():
             out[cells] = values
         return out
+
+    def _stresses(self, name: str) -> Array:
+        """Return von Mises' stress or the stress of this rank's cells; compiled when asked for."""
+        if name not in self._stress_kernels:
+            single = name == VON_MISES
+            shape = ("DG", 0) if single else ("DG", 0, (6,))
+            density = (self.points.von_mises if single else self.points.stress)(self._u)
+            space = fem.functionspace(self.domain.msh, shape)
+            self._stress_kernels[name] = self.points.cell_integral(density, space)
+        width = 1 if name == VON_MISES else 6
+        sums = np.zeros(width * len(self._sums))
+        self._stress_kernels[name].add(sums)
+        at = self.points.history.cells
+        if width == 1:
+            return np.asarray(sums[at])
+        stress = sums.reshape(-1, 6)[at]
+        if self._split:
+            stress[:, :3] += self._pressures()[at, None]
+        return np.asarray(stress[:, IN_VTK])
+
+    def _pressures(self) -> Array:
+        """Return the mean stress of the volume of this rank's selective cells [Pa]."""
+        if self._mean_stress is None:
+            Q = fem.functionspace(self.domain.msh, ("DG", 0))
+            material, dx = self.points.point.material, self.points.dx
+            form = mean_stress(self._u, material, rotating=self.points.rotating)
+            self._mean_stress = CellKernel(form * ufl.TestFunction(Q) * one_point(dx))
+        sums = np.zeros(len(self._sums))
+        self._mean_stress.add(sums)
+        return sums
 
     def memory(self) -> dict[str, Array]:
         """Return the history by cell of the mesh, on rank 0; collective."""

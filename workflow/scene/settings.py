@@ -311,6 +311,8 @@ class Output(Section):
 
     fields: bool = True
     """Whether displacement and velocity of all nodes are written at every output."""
+    stress: bool = False
+    """Whether fields have stress and back stress of cells that may yield, six numbers each."""
     sample_interval: Duration | None = None
     """Interval over which probes and contact forces are averaged; not sampled if left out."""
     checkpoint_minutes: Minutes = 10.0

@@ -3,7 +3,7 @@
 
 import traceback
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,8 @@ def cell_fields(model: Model) -> dict[str, Callable[[], Any]]:
     items = [item for item in model.items if hasattr(item, "cell_means")]
 
     def gather(name: str) -> Any:
-        return sum(item.cell_means(name) for item in items if name in item.cell_fields)
+        own = [item.cell_means(name) for item in items if name in item.cell_fields]
+        return reduce(np.fmax, own)  # where a body has none it is zero or not a number
 
     names = sorted({name for item in items for name in item.cell_fields})
     return {name: partial(gather, name) for name in names}
