@@ -261,8 +261,8 @@ class Equilibrium(Section):
     hold: list[Support] = Field(default_factory=list)
     """Supports that hold only until time zero."""
     increments: Count = 1
-    """Equal steps in which dead loads come up. Steel that yields goes another way in one than in
-    many; where a step does not converge, it is halved.
+    """Equal steps in which the static solve brings dead loads up. Steel that yields goes another
+    way in one than in many; where a step does not converge, it is halved.
     """
     shift: Position = 0.0
     """Displacement of the wheelset along its axle, once at rest, to where the run starts."""
