@@ -16,6 +16,7 @@ import typer
 from workflow.cli.main import app
 from workflow.scene.reference import Key, keys, toml
 from workflow.scene.scene import BUILTIN, Scene, names
+from workflow.scene.steels import STEELS
 
 HERE = Path(__file__).parent
 FACES = ("workflow", "contact", "contact.theory", "forms", "meshes", "meshes.profiles")
@@ -32,6 +33,7 @@ def write(folder: Path) -> None:
     pages["keys.md"] = reference()
     pages["command-line.md"] = commands()
     pages["python.md"] = python()
+    pages["steels.md"] = steels()
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,6 +103,27 @@ def reference() -> str:
             "|---|---|---|---|---|---|",
         ]
         lines += [f"| {' | '.join(_cells(key))} |" for key in rows]
+    return "\n".join([*lines, ""])
+
+
+def steels() -> str:
+    """Return the page of the grades of steel that a scene may name."""
+    lines = ["# Steels", "", import_module("workflow.scene.steels").__doc__ or "", ""]
+    lines += [
+        '`material = { steel = "R260" }`, any constant beside it in place of the grade\'s.',
+        "",
+    ]
+    lines += [
+        "| grade | yield stress | tensile strength | source | confidence |",
+        "|---|---|---|---|---|",
+    ]
+    for name, steel in STEELS.items():
+        strength = " to ".join(f"{stress / 1e6:.0f}" for stress in steel.tensile_strength)
+        least = "at least " * (len(steel.tensile_strength) == 1)
+        lines.append(
+            f"| `{name}` | {steel.yield_stress / 1e6:.0f} MPa | {least}{strength} MPa "
+            f"| {steel.source} | {steel.confidence} |"
+        )
     return "\n".join([*lines, ""])
 
 

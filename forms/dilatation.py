@@ -94,6 +94,12 @@ def dilatation(u: Any, w: Any, material: Elastic, v: Any = None, *, rotating: bo
     return bulk(material) * strain * cell.variation(w) * cell.weight
 
 
+def mean_stress(u: Any, material: Elastic, *, rotating: bool = False) -> Any:
+    """Mean stress of the volume, ``κ (J̄ − 1)``, for the one-point measure as a sum over cells."""
+    cell = MeanVolume(u, rotating)
+    return bulk(material) * cell.change * cell.weight
+
+
 def dilatation_energy(u: Any, material: Elastic, *, rotating: bool = False) -> Any:
     """Energy ``κ/2 (J̄ − 1)²`` of the mean volume, for the mixed one-point measure [J/m³]."""
     cell = MeanVolume(u, rotating)

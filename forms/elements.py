@@ -18,6 +18,7 @@ from forms.dilatation import (
 )
 from forms.elasticity import green_lagrange, small_strain, st_venant_kirchhoff
 from forms.hourglass import hourglass_energy, one_point_residual
+from forms.logarithmic import hencky, hencky_energy, shape_hencky, shape_hencky_energy
 from forms.materials import hooke_energy, neo_hookean, neo_hookean_energy
 
 ELEMENTS = ("full", "one-point", "selective")
@@ -84,6 +85,8 @@ LAWS = {
         neo_hookean, neo_hookean_energy, True, shape_neo_hookean, shape_neo_hookean_energy
     ),
 }
+# of cells that do not yield in a body that may, at large strain
+HENCKY = Law(hencky, hencky_energy, True, shape_hencky, shape_hencky_energy)
 
 
 def internal_work(

@@ -13,7 +13,7 @@ import ufl
 from forms.nodal import lib, pointer, struct
 from forms.rank_sums import gathered, own_part
 from meshes.arrays import Array, Dofs, Index
-from meshes.quads import nodal_areas
+from meshes.quads import gauss_points, nodal_areas
 
 
 def gravity(w: Any, rho: float, g: Sequence[float]) -> Any:
@@ -30,6 +30,26 @@ def nodal_traction(points: Array, quads: Index, traction: Array) -> Array:
         traction: Force per reference area, shape ``(3,)`` [Pa].
     """
     return nodal_areas(points, quads)[:, None] * np.asarray(traction)
+
+
+def nodal_pressure(points: Array, quads: Index, pressure: float) -> Array:
+    """Return the nodal forces of a pressure on bilinear quads, shape ``(n, 3)`` [N].
+
+    Args:
+        points: Node positions, shape ``(n, 3)`` [m].
+        quads: Nodes of each quad, counter-clockwise from outside, shape ``(q, 4)``.
+        pressure: Pushes inwards [Pa].
+    """
+    force = np.zeros_like(points)
+    for N, vector in gauss_points(points[quads]):
+        np.add.at(force, quads, -pressure * N[:, None] * vector[:, None])
+    return force
+
+
+def smooth_step(s: float) -> float:
+    """Return the quintic from 0 to 1 within 0 ≤ s ≤ 1, at rest up to the second derivative."""
+    s = min(max(s, 0.0), 1.0)
+    return s**3 * (10 - 15 * s + 6 * s**2)
 
 
 @dataclass
@@ -51,6 +71,47 @@ class DeadLoad:
         """Return the work done since the undeformed state [J]; collective."""
         u = state.u.x.array[: len(self.nodal)]
         return {"external_work": float(self.comm.allreduce(self.nodal @ u))}
+
+
+@dataclass
+class RampedLoad:
+    """A nodal force that comes up from nothing, smoothly; there is none at rest.
+
+    Attributes:
+        nodal: Force on every owned dof in the end, shape ``(3 * owned,)`` [N].
+        ramp: Time in which it comes up [s].
+    """
+
+    rest: ClassVar = None
+
+    comm: MPI.Comm
+    nodal: Array
+    ramp: float
+    work: float = 0.0
+    _last: tuple[float, float] | None = field(default=None, repr=False)  # share, work of all of it
+
+    def add(self, state: Any, force: Any) -> None:
+        """Add the load of the time and collect its work (trapezoidal in displacement)."""
+        share, whole = smooth_step(state.t / self.ramp), 0.0
+        if share > 0.0:
+            force.array[: len(self.nodal)] += share * self.nodal
+            whole = float(self.nodal @ state.u.x.array[: len(self.nodal)])
+        if self._last is not None:
+            before, then = self._last
+            self.work += (before + share) / 2 * (whole - then)
+        self._last = share, whole
+
+    def energy(self, state: Any) -> dict[str, float]:
+        """Return the work done so far [J]; collective."""
+        return {"external_work": self.comm.allreduce(self.work)}
+
+    def memory(self) -> dict[str, Array]:
+        """Return the work done on each rank; collective."""
+        return {"work": gathered(self.comm, self.work)}
+
+    def restore(self, memory: Mapping[str, Array]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self.work = own_part(self.comm, memory["work"])
 
 
 @dataclass

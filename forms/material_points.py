@@ -19,6 +19,7 @@ from ufl.classes import Zero
 
 from forms.cells import mean_gradient, one_point, per_point, positions, volume
 from forms.hourglass import Cell
+from forms.materials import VOIGT
 from forms.memory import EQUIVALENT, LargeStrain, Memory, MemoryLaw, SmallStrain, Variable
 from forms.simd.memory import History, MemoryKernel
 from meshes.arrays import Array
@@ -143,14 +144,34 @@ class Points:
         excess = self._evaluated(u, law.excess)
         return ufl.conditional(ufl.gt(excess, 0), excess, 0.0) * per_point(self._domain)
 
+    def von_mises(self, u: Any) -> Any:
+        """Return von Mises' equivalent stress at the present state, in UFL [Pa].
+
+        Over the volume element, as :meth:`stress`: its integral over the cell is the mean over the
+        points.
+        """
+        s = dev(self._evaluated(u, lambda *state: self.point.law.update(*state)[0]))
+        return sqrt(1.5 * inner(s, s)) * per_point(self._domain)
+
+    def stress(self, u: Any) -> Any:
+        """Return the six numbers of Cauchy's stress at the present state, in UFL [Pa].
+
+        Without the pressure that ``selective`` leaves to another form.
+        """
+        H = self._gradient(u)
+        P, own, _ = self.point.stress(H, self.old, shape=self.shape)
+        F = ufl.Identity(3) + H
+        cauchy = ufl.dot(P, F.T) / ufl.det(F) if self.rotating else own
+        return as_vector([cauchy[entry] for entry in VOIGT]) * per_point(self._domain)
+
     def _evaluated(self, u: Any, function: Callable[[Any, Memory, Any], Any]) -> Any:
         """Return a function of the law at the present strain and history."""
         strain, history = self.point.strain(self._gradient(u), self.old)
         return function(dev(strain) if self.shape else strain, history, self.point.material)
 
     def cell_integral(self, density: Any, space: Any) -> MemoryKernel:
-        """Return the kernel of a density's integral over each cell; ``space`` is DG0."""
-        form = density * ufl.TestFunction(space) * self.dx
+        """Return the kernel of the integral over each cell of a density or several; DG0."""
+        form = inner(density, ufl.TestFunction(space)) * self.dx
         return MemoryKernel(form, space, self.history, dtype=self.dtype)
 
     def values(self) -> dict[str, Array]:

@@ -12,8 +12,8 @@ elastic strain ``ln(F_eᵀ F_e) / 2`` of the trial state, without plastic strain
 plastic strain turns into ``F_p ← exp(Δε_p) F_p``; the stress it returns is the Mandel stress
 (Eterovic and Bathe, Int. J. Numer. Meth. Engng 30, 1990, 1099–1114; Weber and Anand, Comput.
 Methods Appl. Mech. Engng 79, 1990, 173–202). No rotation changes anything in the memory, and the
-plastic flow keeps the volume. The logarithm is a series for elastic strains that are small, of
-relative error ``2 E³`` (5e-5 at a strain of 3 %), flow in any amount.
+plastic flow keeps the volume. The elastic strain must be small (:mod:`forms.logarithmic`), flow in
+any amount.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,6 +24,7 @@ import numpy as np
 from ufl import Identity, as_matrix, as_vector, dev, dot, sym
 from ufl.classes import Zero
 
+from forms.logarithmic import logarithm, product, pulled_back, square, symmetric
 from forms.materials import VOIGT
 
 PLASTIC = "plastic_strain"
@@ -153,10 +154,7 @@ class LargeStrain:
         ``F_e − I = H + G + H G`` with ``G = F_p⁻¹ − I``: no difference of large numbers.
         """
         G = old[FLOW]
-        A = H + G + dot(H, G)
-        E = sym(A) + dot(A.T, A) / 2
-        EE = _square(E)
-        elastic = E - EE + 4 / 3 * _product(EE, E)
+        elastic = logarithm(H + G + dot(H, G))
         return elastic, {PLASTIC: Zero((3, 3))} | {k: v for k, v in old.items() if k != FLOW}
 
     def stress(self, H: Any, old: Memory, *, shape: bool = False) -> Stress:
@@ -167,31 +165,14 @@ class LargeStrain:
         trial, history = self.strain(H, old)
         M, new = self.law.update(dev(trial) if shape else trial, history, self.material)
         flow = new.pop(PLASTIC)
-        L = trial - flow
-        LL = _square(L)
-        S = M - 2 * _product(L - LL + 2 / 3 * _product(LL, L), M)
+        S = pulled_back(M, trial - flow)
         growth = _exponential(flow)
         G = old[FLOW] + growth + dot(old[FLOW], growth)
         GS = S + dot(G, S)
-        second = _symmetric(lambda i, j: GS[i, j] + sum(GS[i, k] * G[j, k] for k in range(3)))
+        second = symmetric(lambda i, j: GS[i, j] + sum(GS[i, k] * G[j, k] for k in range(3)))
         return dot(Identity(3) + H, second), M, {FLOW: G, **new}
-
-
-def _product(A: Any, B: Any) -> Any:
-    """Return the symmetric part of ``A B`` of symmetric tensors, which is all if they commute."""
-    return _symmetric(lambda i, j: sum(A[i, k] * B[k, j] for k in range(3)))
-
-
-def _symmetric(entry: Callable[[int, int], Any]) -> Any:
-    """Return a symmetric tensor, of which only six entries are computed."""
-    entries = {key: entry(*key) for key in VOIGT}
-    return as_matrix([[entries[min(i, j), max(i, j)] for j in range(3)] for i in range(3)])
-
-
-def _square(A: Any) -> Any:
-    return _product(A, A)
 
 
 def _exponential(flow: Any) -> Any:
     """Return ``exp(−flow) − I`` of a symmetric tensor, of relative error ``flow³ / 24``."""
-    return _product(flow, flow / 2 - _square(flow) / 6) - flow
+    return product(flow, flow / 2 - square(flow) / 6) - flow

@@ -48,6 +48,8 @@ class Tag(IntEnum):
     SLEEPER_BOTTOM = 123
     SLEEPER_INNER = 124  # end of the half sleeper at the track centre
     SLEEPER_SKIN = 125  # the rest of its surface, free
+    INSIDE = 126  # of a hollow sphere
+    OUTSIDE = 127
 
 
 def tag(name: str) -> Tag:

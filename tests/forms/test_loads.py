@@ -8,8 +8,17 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.loads import DeadLoad, DriveTorque, MassDamping, nodal_traction
+from forms.loads import (
+    DeadLoad,
+    DriveTorque,
+    MassDamping,
+    RampedLoad,
+    nodal_pressure,
+    nodal_traction,
+    smooth_step,
+)
 from meshes.shapes import blocks, caps
+from meshes.shapes.shells import hollow_sphere
 from meshes.tags import Tag
 
 AXIS = np.array([0.6, 0.0, 0.8])
@@ -44,6 +53,44 @@ def test_traction_on_a_cap_converges_to_its_area():
     x = (np.arange(1000) + 0.5) * 0.02 / 1000
     area = (0.05 / np.sqrt(0.05**2 - x**2 - x[:, None] ** 2)).sum() * (0.02 / 1000) ** 2
     assert f[:, 2].sum() == pytest.approx(area, rel=1e-4)
+
+
+def test_pressure_pushes_against_the_normal():
+    """On the flat side of a box p A, against the outward normal; on all of a body nothing in sum.
+
+    Inside an eighth of a hollow sphere it is p π a² / 4 along each axis, less what facets cut off.
+    """
+    box = blocks.block((0, 0, 0), (2.0, 1.0, 3.0), size=0.5)
+    f = nodal_pressure(box.points, box.surface(Tag.ZMAX), 7.0)
+    np.testing.assert_allclose(f.sum(axis=0), [0, 0, -14.0], atol=1e-12)
+    np.testing.assert_allclose(
+        nodal_pressure(box.points, box.facets, 7.0).sum(axis=0), 0, atol=1e-12
+    )
+    sphere = hollow_sphere(1.0, 2.0, 0.5, across=16)
+    f = nodal_pressure(sphere.points, sphere.surface(Tag.INSIDE), 1.0)
+    np.testing.assert_allclose(f.sum(axis=0), np.pi / 4, rtol=1e-3)
+
+
+def test_ramped_load_comes_up_and_knows_its_work():
+    """A third of the way 17/81 of the load; on a spring k its work is that of the path, F²/2k.
+
+    The spring follows at once, u = F / k; a checkpoint in the middle changes nothing.
+    """
+    load, (state, force) = RampedLoad(MPI.COMM_SELF, np.array([6.0, 0, 0]), 3.0), motion(1)
+    assert load.rest is None
+    for k in range(401):
+        state.t, force.array[:] = k / 100, 0.0
+        state.u.x.array[0] = 6.0 * smooth_step(state.t / 3.0) / 2.0
+        load.add(state, force)
+        if k == 100:
+            assert force.array[0] == pytest.approx(6 * 17 / 81)
+        if k == 200:
+            kept = load.memory()
+            load = RampedLoad(MPI.COMM_SELF, load.nodal, load.ramp)
+            load.add(state, motion(1)[1])
+            load.restore(kept)
+    assert force.array[0] == 6.0
+    assert load.energy(state)["external_work"] == pytest.approx(9.0, rel=1e-12)
 
 
 def test_dead_load_adds_itself_and_knows_its_work():

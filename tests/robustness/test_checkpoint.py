@@ -30,6 +30,11 @@ SCENES = {
     },
     "sliding-block": {"mesh.size": 5e-3, "mesh.base_size": 6e-3, "output.checkpoint_steps": 7},
     "plastic-bar": {"mesh.size": 2.5e-3, "time.end": 2e-5, "output.checkpoint_steps": 7},
+    "plastic-sphere": {
+        "mesh.size": 2e-3, "mesh.across": 2, "time.end": 1.6e-5, "output.checkpoint_steps": 7,
+        "loads": [{"surface": "inside", "pressure": 6e8, "ramp": 8e-6}], "output.fields": True,
+        "bodies.sphere.yielding": {"box": [[-1.0, -1.0, -1.0], [0.012, 1.0, 1.0]]},
+    },
 }  # fmt: skip
 
 

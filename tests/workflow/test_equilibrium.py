@@ -13,6 +13,7 @@ from workflow.scene.settings import Equilibrium
 from workflow.simulation import elastic
 from workflow.simulation.at_rest import AtRest, move
 from workflow.simulation.equilibrium import Solver
+from workflow.simulation.guards import GuardError
 from workflow.simulation.initial import rest
 from workflow.simulation.secants import DEPTH, Secants
 
@@ -69,3 +70,55 @@ def test_the_stiffness_is_factorised_once(monkeypatch):
     monkeypatch.setattr(elastic, "cholesky", counted)
     model = build(Scene.load("hertz", **{"mesh.size": 1e-3}), MPI.COMM_SELF)
     assert rest(model) > 1 and len(made) == 1
+
+
+def pressed(increments=1, **keys):
+    """A ball that yields far around its contact, brought to rest; the model and its log."""
+    steel = {"law": "j2", "youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7800.0}
+    steel |= {"yield_stress": 294e6, "hardening_modulus": 2e9}  # a fifth of Hertz's pressure
+    keys |= {f"bodies.{name}.material": steel for name in ("sphere", "flat")}
+    keys |= {"mesh.size": 1e-3, "equilibrium.increments": increments}
+    model, lines = build(Scene.load("hertz", **keys), MPI.COMM_SELF), []
+    nodal = [item.nodal.copy() for item in model.items if hasattr(item, "nodal")]
+    rest(model, lines.append)
+    now = [item.nodal for item in model.items if hasattr(item, "nodal")]
+    np.testing.assert_array_equal(now, nodal)
+    return model, lines
+
+
+def strained(model):
+    """Take the history to the present state; the largest plastic strain, and what is off then."""
+    problem = AtRest(model, Equilibrium(), np.zeros(0))
+    before = problem.out_of_balance().array.copy()
+    problem.remember()
+    after = problem.out_of_balance().array
+    np.testing.assert_allclose(after, before, rtol=0, atol=1e-9 * problem.load_size())
+    strain = [item.cell_means("equivalent_plastic_strain") for item in problem._remembering]
+    return float(np.max(strain))
+
+
+def test_loads_in_increments_take_the_history_along():
+    """In one step and in 4 the strain is 3 and 0.4 % off that in 8; the start does not jump.
+
+    Renewing the history at rest changes no force.
+    """
+    found = {n: strained(pressed(n)[0]) for n in (1, 4, 8)}
+    assert 0.01 < found[1] / found[8] - 1 < 0.06
+    assert abs(found[4] / found[8] - 1) < 0.01
+
+
+def test_an_increment_that_does_not_converge_is_halved():
+    """With 14 iterations at most a whole step needs 19: it is halved, and comes to rest."""
+    model, lines = pressed(**{"equilibrium.max_iterations": 14})
+    assert "equilibrium: not converged; from 0 of the loads by 0.5 of them" in lines
+    assert strained(model) == pytest.approx(strained(pressed(4)[0]), rel=0.02)
+
+
+def test_elastic_loads_are_not_halved():
+    """A body that nothing holds is told at once, as before: no second try."""
+    model = build(Scene.load("hertz", **{"mesh.size": 1e-3}), MPI.COMM_SELF)
+    scene = model.scene.with_(**{"equilibrium.max_iterations": 2})
+    model.scene, lines = scene, []
+    with pytest.raises(GuardError, match="after 2 iterations"):
+        rest(model, lines.append)
+    assert not any("not converged" in line for line in lines)

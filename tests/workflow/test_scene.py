@@ -107,7 +107,11 @@ WRONG = {
         ("bodies.flat.regions", ["flat"], "bodies.flat.regions = 'flat': expected one of"),
         ("supports", [{"surface": "x", "directions": ["x"]}], "supports.0.surface = 'x': exp"),
         ("supports", [{"surface": "xmin", "directions": ["w"]}], "directions.0 = 'w': expected"),
-        ("loads", [{"surface": "xmin"}], "loads.0.traction: missing; expected a value [Pa]"),
+        (
+            "loads",
+            [{"surface": "xmin"}],
+            "loads.0: expected traction or pressure [Pa], got neither",
+        ),
     ],
 }
 

@@ -49,15 +49,24 @@ def validate(
     from workflow.model.apart import check_contacts
     from workflow.model.checks import check, check_room
     from workflow.model.geometry import read_mesh, readings
+    from workflow.model.zones import zones_in_words
 
     mesh = read_mesh(checked, progress())
     cost = check(checked, mesh)
     told = list(readings(checked.mesh)) if checked.mesh.kind == "wheel-on-rail" else []
+    zones = list(zones_in_words(checked, mesh))
     room = check_room(checked, cost, out or Path("runs") / checked.name)
     doubtful = [*doubts(checked, cost), *room, *check_contacts(checked, cost, mesh)]
     found = {"scene": checked.name, "valid": True, "cost": cost.table(), "doubts": doubtful}
     found |= {"profiles": told} if told else {}
-    lines = [f"{checked.name}: valid", *told, f"cost: {cost}", *(f"doubt: {d}" for d in doubtful)]
+    found |= {"zones": zones} if zones else {}
+    lines = [
+        f"{checked.name}: valid",
+        *told,
+        *zones,
+        f"cost: {cost}",
+        *(f"doubt: {d}" for d in doubtful),
+    ]
     answer(as_json, found, lambda: lines)
 
 

@@ -18,6 +18,7 @@ from workflow.figures.footprint import footprints
 from workflow.figures.history import energy, history, patch_forces, patch_means
 from workflow.figures.mesh import model
 from workflow.figures.placement import placement
+from workflow.figures.plastic import plastic_strain
 from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.section import contact_nodes, cross_section
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
@@ -43,6 +44,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     energy,
     history,
     pressure,
+    plastic_strain,
     sampled_forces,
     sampled_spectra,
     modal_participation,

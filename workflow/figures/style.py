@@ -90,6 +90,8 @@ COLOUR_MAP = {
     "pressure": "magma_r",
     "shear stress": "viridis_r",
     "slip velocity": "cividis",
+    "plastic strain": "YlOrRd",
+    "von Mises stress": "magma_r",
     "displacement": "viridis",
     "velocity": "plasma",
 }

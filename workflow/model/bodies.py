@@ -2,26 +2,46 @@
 """Bodies of a scene: materials, laws and forms, and the internal force made of them."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from dolfinx import la
+from dolfinx import la, mesh
 
 from forms import elements
 from forms.cells import one_point
 from forms.elasticity import Elastic, full
-from forms.elements import LAWS, Law
+from forms.elements import HENCKY, LAWS, Law
 from forms.frame import INTERVAL, TurningFrames
 from forms.kernel import CellIntegral, CellKernel
 from forms.mass import inertia, lumped_mass
 from forms.rank_sums import gathered, own_part
 from forms.viscosity import bulk_viscosity, tangent_viscosity
-from meshes.arrays import Array, Dofs
+from meshes.arrays import Array, Dofs, Flags
 from meshes.domain import Domain
 from workflow.model.geometry import cell_size
 from workflow.model.state import State
+from workflow.model.zones import zone
 from workflow.scene import Scene, SceneError
 from workflow.scene.bodies import FOLLOWING, MEMORY, Body
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Cells of a body that share an elastic law.
+
+    Attributes:
+        body: Table of the body.
+        material: Its constants.
+        law: The law.
+        dx: Volume measure of the cells, with full quadrature.
+    """
+
+    body: Body
+    material: Any
+    law: Law
+    dx: Any
 
 
 class Bodies:
@@ -35,6 +55,7 @@ class Bodies:
         laws: Material law by body name; the elastic one where it has a memory.
         memory_laws: Law of each body whose material has a memory: a name, or a
             :class:`forms.memory.MemoryLaw`.
+        zones: Cells of the mesh that may yield, by body with such a law, flags of shape ``(c,)``.
         density_factor: What mass scaling multiplies the density of each cell by, in inertia only;
             None without it.
     """
@@ -53,6 +74,7 @@ class Bodies:
             for name, b in entries
             if b.material.law in MEMORY and name not in elastic
         } | remembering
+        self.zones = {name: zone(scene, domain.source, name) for name in self.memory_laws}
         self.density_factor: Any = None
 
     def tags(self, body: Body) -> tuple[int, ...]:
@@ -105,13 +127,51 @@ class Bodies:
         entries = self.scene.bodies.items()
         return {self.tags(body): self.inertial_density(name) for name, body in entries}
 
+    def whole(self, name: str) -> Flags:
+        """Return which cells of the mesh are those of a body, shape ``(c,)``."""
+        return np.isin(self.domain.source.regions, self.tags(self.scene.bodies[name]))
+
+    @cached_property
+    def _kinds(self) -> tuple[Any, Any]:
+        """Volume measures of all cells with a memory, and of all without."""
+        if not any(self.scene.bodies[name].yielding for name in self.memory_laws):
+            return self.dx, self.dx
+        msh, regions = self.domain.msh, self.domain.regions
+        inside = np.any([*self.zones.values()], axis=0)[msh.topology.original_cell_index]
+        chosen = [np.flatnonzero(flags).astype(np.int32) for flags in (inside, ~inside)]
+        tagged = [mesh.meshtags(msh, 3, cells, regions.values[cells]) for cells in chosen]
+        remembering, elastic = (full(msh, tags) for tags in tagged)
+        return remembering, elastic
+
+    def remembering(self, name: str) -> Any:
+        """Return the volume measure of the cells of a body that have a memory."""
+        return self._kinds[0](self.tags(self.scene.bodies[name]))
+
     @property
-    def without_memory(self) -> list[str]:
-        """Names of the bodies whose stress follows from their strain alone."""
-        return [name for name in self.scene.bodies if name not in self.memory_laws]
+    def parts(self) -> list[Part]:
+        """All bodies with their elastic laws."""
+        return [self._part(name, self.laws[name], self.dx) for name in self.scene.bodies]
+
+    @property
+    def without_memory(self) -> list[Part]:
+        """Bodies, or parts of them, whose stress follows from their strain alone.
+
+        The part of a body that may yield elsewhere has the law that yields, but for that.
+        """
+        found = []
+        for name in self.scene.bodies:
+            rotating = name in self.zones and self.laws[name].rotating
+            if name not in self.zones or not self.zones[name][self.whole(name)].all():
+                own = HENCKY if rotating else self.laws[name]
+                found.append(self._part(name, own, self._kinds[1]))
+        return found
+
+    def _part(self, name: str, law: Law, dx: Any) -> Part:
+        body = self.scene.bodies[name]
+        return Part(body, self.materials[name], law, dx(self.tags(body)))
 
     def internal_work(
-        self, u: Any, w: Any, v: Any = None, *, names: Iterable[str] | None = None
+        self, u: Any, w: Any, v: Any = None, *, parts: Iterable[Part] | None = None
     ) -> Any:
         """Return the form of the elastic virtual work; damped if a velocity ``v`` is given.
 
@@ -119,44 +179,41 @@ class Bodies:
             u: Displacement [m].
             w: Test function.
             v: Velocity [m/s].
-            names: Bodies that take part, all if not given.
+            parts: Those that take part, all bodies if not given.
         """
-        entries = self.scene.bodies
         return sum(
             elements.internal_work(
-                body.element,
-                self.laws[name],
+                part.body.element,
+                part.law,
                 u,
                 w,
-                self.materials[name],
-                self.dx(self.tags(body)),
-                v if body.stiffness_damping else None,
-                coefficient=body.hourglass_coefficient,
+                part.material,
+                part.dx,
+                v if part.body.stiffness_damping else None,
+                coefficient=part.body.hourglass_coefficient,
             )
-            for name, body in ((n, entries[n]) for n in (entries if names is None else names))
+            for part in (self.parts if parts is None else parts)
         )
 
     def strain_energy(self, u: Any) -> Any:
         """Return the form of the strain energy, without hourglass control and laws with memory."""
         return sum(
-            elements.strain_energy(
-                body.element, self.laws[name], u, self.materials[name], self.dx(self.tags(body))
-            )
-            for name, body in ((n, self.scene.bodies[n]) for n in self.without_memory)
+            elements.strain_energy(part.body.element, part.law, u, part.material, part.dx)
+            for part in self.without_memory
         )
 
     def hourglass_energy(self, u: Any) -> Any:
         """Return the form of the energy of hourglass control, laws with a memory aside; or None."""
         forms = [
             elements.control_energy(
-                self.laws[name],
+                part.law,
                 u,
-                self.materials[name],
-                self.dx(self.tags(body)),
-                coefficient=body.hourglass_coefficient,
+                part.material,
+                part.dx,
+                coefficient=part.body.hourglass_coefficient,
             )
-            for name, body in ((n, self.scene.bodies[n]) for n in self.without_memory)
-            if body.element == "one-point"
+            for part in self.without_memory
+            if part.body.element == "one-point"
         ]
         return sum(forms) if forms else None
 

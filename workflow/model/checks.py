@@ -30,6 +30,7 @@ from workflow.scene.mesh import (
     FileMesh,
     Foreign,
     GmshMesh,
+    HollowSphereMesh,
     WheelRailMesh,
 )
 from workflow.scene.scene import Scene, SceneError
@@ -84,6 +85,8 @@ def _sizes(scene: Scene) -> Iterator[str]:
         given = [("size", mesh.size, mesh.block), ("base_size", mesh.base_size, mesh.base)]
     elif isinstance(mesh, CapMesh):
         given = [("size", mesh.size, (mesh.extent,))]
+    elif isinstance(mesh, HollowSphereMesh):
+        given = [("size", mesh.size, (mesh.outer_radius - mesh.inner_radius,))]
     elif isinstance(mesh, CurvedMesh):
         plan = [mesh.x[1] - mesh.x[0]] + [mesh.y[1] - mesh.y[0]] * (mesh.layers is None)
         given = [("size", mesh.size, (*plan, mesh.height))]

@@ -20,7 +20,15 @@ from meshes.quality import edge_lengths
 from meshes.spacing import graded_cells
 from workflow.model import geometry
 from workflow.scene.bodies import MEMORY, Body, Orthotropic
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
+from workflow.scene.mesh import (
+    BarMesh,
+    BlocksMesh,
+    CapMesh,
+    CurvedMesh,
+    Foreign,
+    HollowSphereMesh,
+    WheelRailMesh,
+)
 from workflow.scene.scene import Scene, SceneError
 
 WITHIN = 0.1  # of the cells of a wheel on a rail
@@ -175,11 +183,15 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
 def _disk(scene: Scene, nodes: int, outputs: int, samples: int) -> float:
     """Return what results and fields take [bytes]; fields are two vectors of single precision.
 
-    A checkpoint has a copy of the results. Where steel yields, there is the plastic strain of each
-    cell besides; there are about as many as nodes.
+    A checkpoint has a copy of the results. Where steel yields, there are plastic strain and von
+    Mises' stress of each cell besides, and stresses if asked for; about as many cells as nodes.
     """
     yields = any(body.material.law in MEMORY for body in scene.bodies.values())
-    fields = nodes * (100.0 + (28.0 if yields else 24.0) * outputs) if scene.output.fields else 0.0
+    fields = (
+        nodes * (100.0 + (24.0 + yields * (8.0 + 48.0 * scene.output.stress)) * outputs)
+        if scene.output.fields
+        else 0.0
+    )
     channels = 8 + 24 * len(scene.probes) + 48 * len(scene.contacts)
     results = FIRST + outputs * (HISTORY + RECORD * len(scene.contacts)) + float(samples) * channels
     kept = scene.output.checkpoint_minutes > 0 or scene.output.checkpoint_steps is not None
@@ -195,6 +207,8 @@ def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:
         return Extent(len(mesh.cells), len(mesh.points), edge)
     if isinstance(scene.mesh, WheelRailMesh):
         return _wheel_on_rail(scene, scene.mesh)
+    if isinstance(scene.mesh, HollowSphereMesh):
+        return _hollow_sphere(scene.mesh)
     try:
         boxes = list(_boxes(scene.mesh))
     except ValueError as error:
@@ -219,6 +233,14 @@ def _boxes(mesh: Any) -> Iterator[tuple[Sequence[int], float]]:
             n = plan.cells()
             thin = (plan.y[1] - plan.y[0]) / n[1] if plan.layers else plan.size
             yield n, min(thin, first_edge(plan.depth, n[2], plan.growth), plan.size)
+
+
+def _hollow_sphere(mesh: HollowSphereMesh) -> Extent:
+    wall, n = mesh.outer_radius - mesh.inner_radius, mesh.across
+    (layers,), edge = _box((wall,), mesh.size, mesh.growth)
+    arc = np.pi / 4 * np.cos(np.pi / 4) * mesh.inner_radius / n  # where two patches meet
+    nodes = (3 * (n + 1) ** 2 - 3 * (n + 1) + 1) * (layers + 1)
+    return Extent(3 * n**2 * layers, nodes, min(edge, float(arc)))
 
 
 def _box(

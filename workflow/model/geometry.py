@@ -19,7 +19,7 @@ from meshes import profiles
 from meshes.domain import Domain, distribute
 from meshes.hexmesh import HexMesh, join
 from meshes.quality import edge_lengths, quality
-from meshes.shapes import blocks, caps
+from meshes.shapes import blocks, caps, shells
 from meshes.tags import Tag
 from workflow.scene.mesh import (
     BarMesh,
@@ -29,6 +29,7 @@ from workflow.scene.mesh import (
     FileMesh,
     Foreign,
     GmshMesh,
+    HollowSphereMesh,
     WheelRailMesh,
 )
 from workflow.scene.scene import Scene, SceneError
@@ -121,6 +122,9 @@ def mesh_of(
         return block_on_base(mesh), None
     if isinstance(mesh, CurvedMesh):
         return curved_on_curved(mesh), None
+    if isinstance(mesh, HollowSphereMesh):
+        radii, grading = (mesh.inner_radius, mesh.outer_radius), (mesh.size, mesh.growth)
+        return shells.hollow_sphere(*radii, *grading, across=mesh.across), None
     assert isinstance(mesh, CapMesh)
     cap = caps.sphere_cap(mesh.radius, mesh.extent, size=mesh.size, growth=mesh.growth)
     return join(cap, caps.base(mesh.extent, size=mesh.size, growth=mesh.growth)), None

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Loads of a scene: gravity and tractions, damping by mass, drive torque, carried mass."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import ufl
 from dolfinx import la
@@ -12,7 +14,9 @@ from forms.loads import (
     DeadLoad,
     DriveTorque,
     MassDamping,
+    RampedLoad,
     gravity,
+    nodal_pressure,
     nodal_traction,
 )
 from meshes.arrays import Array
@@ -20,10 +24,11 @@ from meshes.domain import Domain
 from workflow.model.bodies import Bodies
 from workflow.model.supports import axle
 from workflow.scene import Scene
+from workflow.scene.settings import Load
 
 
 def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
-    """Return gravity and tractions as a constant force."""
+    """Return gravity and the loads without ramp as a constant force."""
     vector = la.vector(domain.V.dofmap.index_map, 3)
     vector.array[:] = 0.0
     if scene.gravity is not None:
@@ -36,10 +41,25 @@ def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
         vector.scatter_reverse(la.InsertMode.add)
     nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
     for load in scene.loads:
-        quads = domain.source.surface(domain.source.tag(load.surface))
-        force = nodal_traction(domain.source.points, quads, np.array(load.traction))
-        nodal += force[domain.nodes[: domain.owned]]
+        if not load.ramp:
+            nodal += nodal_force(load, domain)
     return DeadLoad(domain.msh.comm, nodal.ravel())
+
+
+def ramped_loads(scene: Scene, domain: Domain) -> Iterator[RampedLoad]:
+    """Yield the loads that come up within a time."""
+    for load in scene.loads:
+        if load.ramp:
+            yield RampedLoad(domain.msh.comm, nodal_force(load, domain).ravel(), load.ramp)
+
+
+def nodal_force(load: Load, domain: Domain) -> Array:
+    """Return the force of a load on the owned nodes, shape ``(owned, 3)`` [N]."""
+    points, quads = domain.source.points, domain.source.surface(domain.source.tag(load.surface))
+    force = nodal_traction(points, quads, np.array(load.traction))
+    if load.pressure:
+        force += nodal_pressure(points, quads, load.pressure)
+    return np.asarray(force[domain.nodes[: domain.owned]])
 
 
 def mass_damping(bodies: Bodies, mass: Array, dt: float) -> MassDamping:

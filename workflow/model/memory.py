@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Internal force of bodies whose material has a memory, as items of a model."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mpi4py import MPI
@@ -11,15 +11,19 @@ import ufl
 from dolfinx import fem, la
 
 from forms.cells import one_point
-from forms.dilatation import dilatation, dilatation_energy
+from forms.dilatation import dilatation, dilatation_energy, mean_stress
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
 from forms.memory import EQUIVALENT
 from forms.plasticity import MEMORY_LAWS
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
+from workflow.model.cost import size_in_words
 from workflow.model.state import State
+from workflow.model.zones import border
 
+VON_MISES, STRESS, BACK_STRESS = "von_mises_stress", "stress", "back_stress"
+IN_VTK = [0, 1, 2, 3, 5, 4]  # numbers of a tensor in VTK's order
 TOLERANCE = 1e-6  # of the law's own scale: what its local iterations may leave
 
 
@@ -37,6 +41,10 @@ class MemoryForce:
         name: That of the body.
         u: Displacement.
         precision: Type that is computed with.
+
+    Attributes:
+        yielding: For the summary: how many cells have a history and their body has, bytes that it
+            takes, and how many cells have yielded at the border of the zone, if there is one.
     """
 
     phase = "internal_force"
@@ -44,7 +52,7 @@ class MemoryForce:
 
     def __init__(self, bodies: Bodies, name: str, u: Any, precision: str) -> None:
         body, material = bodies.scene.bodies[name], bodies.materials[name]
-        domain, dx = bodies.domain, bodies.dx(bodies.tags(body))
+        domain, dx = bodies.domain, bodies.remembering(name)
         self.name, self.domain, self.comm = name, domain, domain.msh.comm
         rotating = body.kinematics == "total-lagrangian"
         split = body.element == "selective"
@@ -61,8 +69,23 @@ class MemoryForce:
             dtype=precision,
         )
         self.kernel = self.points.force(u)
+        self._hardens = [name for name in self.points.variables if name.startswith(BACK_STRESS)]
         self.cell_fields = (EQUIVALENT,) if EQUIVALENT in self.points.variables else ()
+        self.cell_fields += (VON_MISES,)
+        if bodies.scene.output.stress:
+            self.cell_fields += (STRESS, BACK_STRESS) if self._hardens else (STRESS,)
+        self._u, self._split = u, split
         self._cells = domain.msh.topology.original_cell_index[self.points.history.cells]
+        inside, whole = bodies.zones[name], bodies.whole(name)
+        self._at_border = border(domain.source, inside, whole)[self._cells]
+        self.yielding = {
+            "cells": int(inside.sum()),
+            "cells_of_body": int(whole.sum()),
+            "bytes": self.comm.allreduce(self.points.history.table.nbytes),
+        }
+        self._noticed = False
+        self._stress_kernels: dict[str, Any] = {}
+        self._mean_stress: CellKernel | None = None
         Q = fem.functionspace(domain.msh, ("DG", 0))
         self._sums = np.zeros(Q.dofmap.index_map.size_local + Q.dofmap.index_map.num_ghosts)
         self._terms = {
@@ -78,6 +101,13 @@ class MemoryForce:
             stored = dilatation_energy(u, material, rotating=rotating) * one_point(dx)
             self._volume = CellIntegral(stored)
 
+    @property
+    def size(self) -> str:
+        """How many cells have a memory, and what it takes, in words."""
+        count, of = self.yielding["cells"], self.yielding["cells_of_body"]
+        room = size_in_words(self.yielding["bytes"])
+        return f"bodies.{self.name}: {count} of {of} cells may yield, {room} of history"
+
     def add(self, state: State, force: la.Vector) -> None:
         """Add this rank's cells and renew the history."""
         self._add(force, renew=True)
@@ -85,6 +115,10 @@ class MemoryForce:
     def rest(self, state: State, force: la.Vector) -> None:
         """Add this rank's cells, the history left as it is."""
         self._add(force, renew=False)
+
+    def settle_memory(self, state: State) -> None:
+        """Renew the history, the force left aside."""
+        self.kernel.add(np.zeros_like(state.a.array), renew=True)
 
     def _add(self, force: la.Vector, *, renew: bool) -> None:
         self.kernel.add(force.array, renew=renew)
@@ -142,22 +176,74 @@ class MemoryForce:
 
     def columns(self) -> dict[str, float]:
         """Return the columns of the history: the largest plastic strain so far; collective [-]."""
-        if not self.cell_fields:
+        if EQUIVALENT not in self.points.variables:
             return {}
-        own = float(self.points.values()[EQUIVALENT].max(initial=0.0))
-        return {f"{self.name}_largest_plastic_strain": self.comm.allreduce(own, op=MPI.MAX)}
+        strain = self.points.values()[EQUIVALENT].max(axis=(1, 2), initial=0.0)
+        largest = self.comm.allreduce(float(strain.max(initial=0.0)), op=MPI.MAX)
+        if self.yielding["cells"] < self.yielding["cells_of_body"]:
+            own = int((strain[self._at_border] > 0).sum())
+            self.yielding["yielded_at_border"] = self.comm.allreduce(own)
+        return {f"{self.name}_largest_plastic_strain": largest}
+
+    def notices(self) -> Iterator[str]:
+        """Yield a line when cells at the border of the zone have yielded for the first time."""
+        count = self.yielding.get("yielded_at_border", 0)
+        if count and not self._noticed:
+            self._noticed = True
+            yield (
+                f"bodies.{self.name}.yielding: {count} cells at the border of the zone have "
+                "yielded, those beyond cannot; a larger yielding.depth or yielding.box lets them"
+            )
 
     def cell_means(self, name: str) -> Array:
-        """Return the mean over the points of a history variable, by cell of the mesh; collective.
+        """Return the mean over the points of a field, by cell of the mesh; collective.
 
-        On rank 0; zero in cells of other bodies.
+        On rank 0; in other cells strain is zero, stress is not a number. Tensors have six numbers
+        as VTK has them, xx, yy, zz, xy, yz, xz.
         """
-        own = self.points.values()[name].mean(axis=(1, 2))
+        if name == EQUIVALENT:
+            own = self.points.values()[name].mean(axis=(1, 2))
+        elif name == BACK_STRESS:
+            values = self.points.values()
+            own = np.sum([values[k].mean(axis=1) for k in self._hardens], axis=0)[:, IN_VTK]
+        else:
+            own = self._stresses(name)
         parts = self.comm.gather((self._cells, own))
-        out = np.zeros(len(self.domain.source.cells) if parts else 0)
+        shape = (len(self.domain.source.cells) if parts else 0, *own.shape[1:])
+        out = np.full(shape, 0.0 if name == EQUIVALENT else np.nan)
         for cells, values in parts or ():
             out[cells] = values
         return out
+
+    def _stresses(self, name: str) -> Array:
+        """Return von Mises' stress or the stress of this rank's cells; compiled when asked for."""
+        if name not in self._stress_kernels:
+            single = name == VON_MISES
+            shape = ("DG", 0) if single else ("DG", 0, (6,))
+            density = (self.points.von_mises if single else self.points.stress)(self._u)
+            space = fem.functionspace(self.domain.msh, shape)
+            self._stress_kernels[name] = self.points.cell_integral(density, space)
+        width = 1 if name == VON_MISES else 6
+        sums = np.zeros(width * len(self._sums))
+        self._stress_kernels[name].add(sums)
+        at = self.points.history.cells
+        if width == 1:
+            return np.asarray(sums[at])
+        stress = sums.reshape(-1, 6)[at]
+        if self._split:
+            stress[:, :3] += self._pressures()[at, None]
+        return np.asarray(stress[:, IN_VTK])
+
+    def _pressures(self) -> Array:
+        """Return the mean stress of the volume of this rank's selective cells [Pa]."""
+        if self._mean_stress is None:
+            Q = fem.functionspace(self.domain.msh, ("DG", 0))
+            material, dx = self.points.point.material, self.points.dx
+            form = mean_stress(self._u, material, rotating=self.points.rotating)
+            self._mean_stress = CellKernel(form * ufl.TestFunction(Q) * one_point(dx))
+        sums = np.zeros(len(self._sums))
+        self._mean_stress.add(sums)
+        return sums
 
     def memory(self) -> dict[str, Array]:
         """Return the history by cell of the mesh, on rank 0; collective."""

@@ -22,7 +22,13 @@ from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
 from workflow.model.checks import check, check_room, check_step
 from workflow.model.geometry import domain_of, on_root
-from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
+from workflow.model.loads import (
+    carried_mass,
+    dead_load,
+    drive_torque,
+    mass_damping,
+    ramped_loads,
+)
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
@@ -78,7 +84,7 @@ class Model:
 
     @property
     def internal(self) -> InternalForce | None:
-        """The internal force of the bodies without memory, None if all have one."""
+        """The internal force of the cells without memory, None if all have one."""
         return next((item for item in self.items if isinstance(item, InternalForce)), None)
 
     @property
@@ -206,9 +212,10 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
         scene,
         domain,
     )
-    items: list[Any] = [*internal_forces(bodies, state)]
-    if scene.gravity is not None or scene.loads:
+    items: list[Any] = [*internal_forces(bodies, state, log)]
+    if scene.gravity is not None or any(not load.ramp for load in scene.loads):
         items.insert(1, dead_load(scene, domain))
+    items += ramped_loads(scene, domain)
     if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:
@@ -223,7 +230,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     return model
 
 
-def internal_forces(bodies: Bodies, state: State) -> Iterator[Any]:
+def internal_forces(bodies: Bodies, state: State, log: Log) -> Iterator[Any]:
     """Yield the internal force of the bodies, that of each with a memory, and bulk viscosity."""
     u, v, w = state.u, state.v, ufl.TestFunction(bodies.domain.V)
     V, precision = bodies.domain.V, bodies.scene.time.precision
@@ -233,15 +240,17 @@ def internal_forces(bodies: Bodies, state: State) -> Iterator[Any]:
         from workflow.model.memory import MemoryForce
 
         for name in bodies.memory_laws:
-            yield MemoryForce(bodies, name, u, precision)
+            force = MemoryForce(bodies, name, u, precision)
+            log(force.size)
+            yield force
     if (viscous := bodies.viscous_work(u, v, w)) is not None:
         yield InternalForce(-viscous, V, precision, damped=True, stored={})
 
 
 def elastic_force(bodies: Bodies, state: State) -> InternalForce:
-    """Return the internal force of the bodies without memory."""
+    """Return the internal force of the cells without memory."""
     u, v, w = state.u, state.v, ufl.TestFunction(bodies.domain.V)
-    V, names, precision = bodies.domain.V, bodies.without_memory, bodies.scene.time.precision
+    V, parts, precision = bodies.domain.V, bodies.without_memory, bodies.scene.time.precision
     stored = {"internal": bodies.strain_energy(u)}
     if (control := bodies.hourglass_energy(u)) is not None:
         stored["hourglass"] = control
@@ -250,7 +259,7 @@ def elastic_force(bodies: Bodies, state: State) -> InternalForce:
     frames = bodies.turning_frames() if single else None
     seen = (u, v) if frames is None else (frames.relative, frames.velocity)
     return InternalForce(
-        -bodies.internal_work(seen[0], w, seen[1], names=names),
+        -bodies.internal_work(seen[0], w, seen[1], parts=parts),
         V,
         precision,
         damped=damped,

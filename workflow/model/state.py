@@ -44,10 +44,12 @@ class Item(Protocol):
     - ``last = True``: it reads the sum of all other forces, complete on owned dofs, and adds to
       these only.
     - ``rest(state, force)``: its force in statics, where velocities mean nothing; ``add`` if it has
-      none, and no force if it is None.
+      none, and no force if it is None. ``settle_memory(state)``: takes what it remembers on to a
+      state at rest, between two increments of the loads.
     - ``columns() -> dict[str, float]``: its columns of the history, the same on all ranks;
       collective. ``cell_fields``, names, and ``cell_means(name)``, an array of all cells on rank 0:
       its fields of cells in ``fields.vtkhdf``; collective.
+    - ``notices() -> Iterator[str]``: lines for the log at an output, the same on all ranks.
     - ``back(dt)`` and ``step(dt)``: motion of its own beside the mesh, as point masses have it.
     """
 

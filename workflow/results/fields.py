@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """``fields.vtkhdf``: displacement and velocity of the whole mesh over time, for ParaView.
 
-Cells have the values of what remembers: the equivalent plastic strain where steel may yield.
+Cells that may yield have plastic strain, von Mises' stress and, if asked for, stress and back
+stress.
 
 The file is a temporal VTKHDF UnstructuredGrid written with h5py: ``dolfinx.io.vtkhdf`` holds one
 unnamed point field only.

@@ -156,6 +156,17 @@ class Record:
             k = int(np.argmin(np.abs(times - t)))
             return np.asarray(root["PointData"][name][k * n : (k + 1) * n], dtype=np.float64)
 
+    def cells_at_end(self) -> dict[str, Array]:
+        """Return the fields of cells at the last output by name, empty where there are none."""
+        if not self._fields.exists():
+            return {}
+        with opened(self._fields) as file:
+            root = file["VTKHDF"]
+            steps, c = len(root["Steps/Values"]) if "Steps" in root else 0, len(root["Types"])
+            names = root["CellData"].keys() - {"region"} if steps else set()
+            last = slice((steps - 1) * c, steps * c)
+            return {name: root["CellData"][name][last].astype(np.float64) for name in names}
+
     def series(self, name: str) -> Iterator[tuple[float, Array]]:
         """Yield time and nodal values ``(n, 3)`` of ``displacement`` or ``velocity`` by output."""
         with opened(self._fields) as file:

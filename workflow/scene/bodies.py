@@ -1,19 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Tables of a body: material, element, kinematics, damping."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
+from workflow.scene.steels import Grade, constants
 from workflow.scene.units import (
     Component,
     Delay,
     Density,
     Factor,
     Hardening,
+    Length,
     Modulus,
+    Position,
     Rate,
     Ratio,
     Section,
@@ -26,6 +38,7 @@ MEMORY = ("j2",)  # laws with a memory
 FOLLOWING = (*LINEAR, *MEMORY)  # laws that follow the kinematics of their body
 
 Axis = tuple[Component, Component, Component]
+Place = tuple[Position, Position, Position]
 
 
 def _known(law: str) -> str:
@@ -95,6 +108,11 @@ class BackStress(Section):
     """How fast it forgets: its largest value is `modulus / recall`; 0 for linear hardening."""
 
 
+def _of_a_grade_or_complete(schema: dict[str, Any]) -> None:
+    """Require a grade, or all that it stands for."""
+    schema["anyOf"] = [{"required": ["steel"]}, {"required": schema.pop("required")}]
+
+
 class ElastoPlastic(Section):
     """Isotropic steel that yields: J2 plasticity with isotropic and kinematic hardening.
 
@@ -103,8 +121,15 @@ class ElastoPlastic(Section):
     kinematics say.
     """
 
+    model_config = ConfigDict(json_schema_extra=_of_a_grade_or_complete)
+
     law: Literal["j2"]
     """Names this kind of material."""
+    steel: Grade | None = Field(default=None, examples=["R260"])
+    """Grade that yields at 480 (`R260`), 770 (`R350HT`), 520 (`ER7`), 540 MPa (`ER8`), perfectly
+    plastic: `law` and constants are its own where they are left out. The page *Steels* says how
+    well they are known.
+    """
     youngs_modulus: Modulus
     """Young's modulus."""
     poisson_ratio: Ratio
@@ -123,6 +148,21 @@ class ElastoPlastic(Section):
         (), examples=[[{"modulus": 60e9, "recall": 300.0}]]
     )
     """Kinematic hardening: back stresses after Armstrong and Frederick, as many as wanted."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_grade(cls, data: Any) -> Any:
+        """Fill in what a grade stands for where it is left out."""
+        if not isinstance(data, dict) or "steel" not in data:
+            return data
+        return constants(data["steel"]) | data
+
+    @model_serializer(mode="wrap")
+    def _as_given(self, write: Any) -> dict[str, Any]:
+        """Leave out what a grade stands for: another one then has constants of its own."""
+        table: dict[str, Any] = write(self)
+        own = {} if self.steel is None else constants(self.steel)
+        return {k: v for k, v in table.items() if k not in own or own[k] != v}
 
     def constants(self, damping: float = 0.0) -> Any:
         """Return the constants as the forms take them.
@@ -176,7 +216,7 @@ class Orthotropic(Section):
 def law_of(material: Any) -> str:
     """Return which table of a material is meant: ``isotropic``, ``orthotropic`` or ``j2``."""
     get = material.get if isinstance(material, dict) else partial(getattr, material)
-    law = get("law", "hooke")
+    law = get("law", "j2" if isinstance(material, dict) and "steel" in material else "hooke")
     return str(law) if law in ("orthotropic", *MEMORY) else "isotropic"
 
 
@@ -197,6 +237,25 @@ class BulkViscosity(Section):
     """Coefficient of the pressure in proportion to its square."""
 
 
+class Yielding(Section):
+    """The part of a body that may yield: cells whose centres are where all that is given says."""
+
+    depth: Length | None = Field(default=None, examples=[0.012])
+    """Distance from the surfaces of the body that contacts name."""
+    box: tuple[Place, Place] | None = Field(
+        default=None, examples=[[[-0.05, 0.68, -0.02], [0.25, 0.8, 0.0]]]
+    )
+    """Least and largest coordinates in the undeformed mesh."""
+
+    def unfit(self, key: str) -> Iterator[str]:
+        """Yield a line for what cannot be; ``key`` is that of the table."""
+        if self.depth is None and self.box is None:
+            yield f"{key}: expected depth, box or both, got neither"
+        if self.box and not all(a < b for a, b in zip(*self.box, strict=True)):
+            box = [*map(list, self.box)]
+            yield f"{key}.box = {box}: expected the least coordinates, then larger ones"
+
+
 class Body(Section):
     """Regions of the mesh that share a material, an element and kinematics."""
 
@@ -204,6 +263,8 @@ class Body(Section):
     """Regions of the mesh that this body is made of."""
     material: Material
     """Law and constants of the material."""
+    yielding: Yielding | None = None
+    """Part of a body of `law = "j2"` that may yield, elsewhere it is elastic; all if left out."""
     kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
     """Strain measure; left out, `total-lagrangian` for a body that the scene makes turn."""
     element: Literal["full", "one-point", "selective"] = "full"

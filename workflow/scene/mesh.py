@@ -83,6 +83,35 @@ class CapMesh(Section):
     """Ratio of neighbouring edges away from the contact."""
 
 
+class HollowSphereMesh(Section):
+    """An eighth of a hollow sphere about the origin, cut along its planes of symmetry."""
+
+    regions: ClassVar = ("sphere",)
+    surfaces: ClassVar = ("xmin", "ymin", "zmin", "inside", "outside")
+
+    kind: Literal["hollow-sphere"]
+    """Names this shape."""
+    inner_radius: Length
+    """Radius of the hole."""
+    outer_radius: Length
+    """Radius of the sphere."""
+    size: Length
+    """Edge along the radius of the cells at the hole."""
+    growth: Growth = 1.2
+    """Ratio of neighbouring edges along the radius."""
+    across: Count = 6
+    """Number of cells along an edge of each of the three patches that the eighth is made of."""
+
+    @model_validator(mode="after")
+    def _has_a_wall(self) -> Self:
+        if not self.outer_radius > self.inner_radius:
+            raise ValueError(
+                f"mesh.outer_radius = {self.outer_radius}: expected more than mesh.inner_radius = "
+                f"{self.inner_radius} m"
+            )
+        return self
+
+
 Ends = tuple[Position, Position]
 Place = tuple[Position, Position, Position]
 

@@ -131,9 +131,15 @@ def _walk(
     """Yield path, condition, schema and whether it must be given, of all keys of a table."""
     for name, node in table["properties"].items():
         path = f"{above}.{name}" if above else name
-        yield path, where, node, name in table.get("required", ())
+        yield path, where, node, name in _required(table)
         for inner, suffix in _tables(node, defined):
             yield from _walk(inner, defined, path + suffix, _condition(inner) or where)
+
+
+def _required(table: Mapping[str, Any]) -> list[str]:
+    """Return the keys of a table that must be given, unless one alone stands for several."""
+    choices = [choice["required"] for choice in table.get("anyOf", ())]
+    return list(table.get("required", max(choices, key=len, default=[])))
 
 
 def _tables(node: Any, defined: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:

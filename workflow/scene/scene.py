@@ -21,6 +21,7 @@ from workflow.scene.mesh import (
     FileMesh,
     Foreign,
     GmshMesh,
+    HollowSphereMesh,
     WheelRailMesh,
 )
 from workflow.scene.settings import (
@@ -54,7 +55,14 @@ class Scene(Section):
     about: str = ""
     """Size and usual time, for `squealx scenes`."""
     mesh: Annotated[
-        BarMesh | BlocksMesh | CapMesh | CurvedMesh | WheelRailMesh | FileMesh | GmshMesh,
+        BarMesh
+        | BlocksMesh
+        | CapMesh
+        | CurvedMesh
+        | HollowSphereMesh
+        | WheelRailMesh
+        | FileMesh
+        | GmshMesh,
         Field(discriminator="kind"),
     ]
     """Geometry and cells; `kind` says which."""
@@ -110,6 +118,7 @@ class Scene(Section):
         if wrong := [
             *self._unknown_names(),
             *self._unfit_bodies(),
+            *self._empty_loads(),
             *self._unfit_contacts(),
             *self._unfit_friction(),
         ]:
@@ -132,9 +141,11 @@ class Scene(Section):
                     f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail', 'file' or "
                     "'gmsh'"
                 )
-        if self.equilibrium and not (self.loads or any(self.gravity or ()) or self.driven):
+        dead = any(not load.ramp for load in self.loads) or any(self.gravity or ())
+        if self.equilibrium and not (dead or self.driven):
             raise ValueError(
-                "equilibrium: expected gravity, loads or a driven body to bring to rest, got none"
+                "equilibrium: expected gravity, loads without ramp or a driven body to bring to "
+                "rest, got none"
             )
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
@@ -197,6 +208,10 @@ class Scene(Section):
                 )
             if law in MEMORY:
                 yield from self._unfit_memory(key, body)
+            elif body.yielding is not None:
+                yield f"{key}.yielding: expected material.law = 'j2', got {law!r}"
+            if body.yielding is not None:
+                yield from body.yielding.unfit(f"{key}.yielding")
             if body.hourglass_coefficient is not None and body.element != "one-point":
                 yield (
                     f"{key}.hourglass_coefficient: expected element = 'one-point', "
@@ -216,6 +231,12 @@ class Scene(Section):
                 f"time.precision = {self.time.precision!r}: expected 'float64' with law {law!r} "
                 f"of {key}"
             )
+
+    def _empty_loads(self) -> Iterator[str]:
+        """Yield a line for every load that is none."""
+        for i, load in enumerate(self.loads):
+            if not {"traction", "pressure"} & load.model_fields_set:
+                yield f"loads.{i}: expected traction or pressure [Pa], got neither"
 
     def _unfit_contacts(self) -> Iterator[str]:
         """Yield a line for every contact of a surface with itself."""

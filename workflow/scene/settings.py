@@ -192,12 +192,16 @@ class Driven(Section):
 
 
 class Load(Section):
-    """A dead traction on a surface."""
+    """A dead traction, or a pressure along the normal, on a surface as it is undeformed."""
 
     surface: str
     """Surface that is loaded."""
-    traction: tuple[Stress, Stress, Stress]
-    """Force over area of the undeformed surface."""
+    traction: tuple[Stress, Stress, Stress] = (0.0, 0.0, 0.0)
+    """Force over area of the undeformed surface; this, `pressure` or both."""
+    pressure: Stress = 0.0
+    """Pressure against the undeformed surface; positive pushes into the body."""
+    ramp: Delay = 0.0
+    """Time from zero on in which the load comes up, smoothly; 0: it acts always, at rest too."""
 
 
 class Rolling(Section):
@@ -256,6 +260,10 @@ class Equilibrium(Section):
     """Displacement of bodies into touch, as first guess."""
     hold: list[Support] = Field(default_factory=list)
     """Supports that hold only until time zero."""
+    increments: Count = 1
+    """Equal steps in which the static solve brings dead loads up. Steel that yields goes another
+    way in one than in many; where a step does not converge, it is halved.
+    """
     shift: Position = 0.0
     """Displacement of the wheelset along its axle, once at rest, to where the run starts."""
     shift_increments: Count = 5
@@ -303,6 +311,8 @@ class Output(Section):
 
     fields: bool = True
     """Whether displacement and velocity of all nodes are written at every output."""
+    stress: bool = False
+    """Whether fields have stress and back stress of cells that may yield, six numbers each."""
     sample_interval: Duration | None = None
     """Interval over which probes and contact forces are averaged; not sampled if left out."""
     checkpoint_minutes: Minutes = 10.0

@@ -64,6 +64,9 @@ class AtRest:
             items.insert(len(self._dead), more)  # beside the other dead load
         acting = [item for item in items if getattr(item, "rest", item.add) is not None]
         last = [item for item in acting if getattr(item, "last", False)]
+        self._remembering = [item for item in items if hasattr(item, "settle_memory")]
+        self._masses = [] if model.connections is None else [model.connections.masses]
+        self._whole = [item.nodal for item in self._dead], [m.gravity for m in self._masses]
         self._last = [getattr(item, "rest", item.add) for item in last]
         self._last += [friction] if friction is not None else []
         self._loads = [getattr(item, "rest", item.add) for item in acting if item not in last]
@@ -81,6 +84,23 @@ class AtRest:
         if self.free is not None:
             self.free.balance(state.a.array[: 3 * self.model.domain.owned])
         return state.a
+
+    def bear(self, share: float) -> None:
+        """Let a share of the dead loads act, and of the weight of the point masses."""
+        for item, whole in zip(self._dead, self._whole[0], strict=True):
+            item.nodal = whole if share == 1.0 else share * whole
+        for masses, whole in zip(self._masses, self._whole[1], strict=True):
+            masses.gravity = whole if share == 1.0 else share * whole
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it matters on which way the bodies come to rest."""
+        return bool(self._remembering)
+
+    def remember(self) -> None:
+        """Take the memory of the materials on to the present displacement."""
+        for item in self._remembering:
+            item.settle_memory(self.model.state)
 
     def load_size(self) -> float:
         """Norm of the dead loads and the weight of the point masses, scale of the residual [N]."""

@@ -20,6 +20,8 @@ from workflow.simulation.pressing import Pushing, Surfaces
 from workflow.simulation.secants import Secants
 
 ROUGH = 1e-2  # tolerance before the last increment of a shift
+ROUGH_LOAD = 1e-3  # tolerance before the last increment of the loads
+SMALLEST = 1 / 64  # of the loads, in an increment that was halved
 LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
 
 
@@ -32,15 +34,63 @@ def equilibrium(problem: AtRest, log: Log, pushing: Pushing | None = None) -> So
         pushing: Direction in which contacts push; along their normals if None.
     """
     solver, tolerance = Solver(problem, pushing), problem.settings.tolerance
+    loaded = False
 
     def solve(rough: bool) -> int:
-        if rough:
-            return newton(problem, solver, max(ROUGH, tolerance), log)
-        used = newton(problem, solver, tolerance, log)
-        check_all_seen(problem.model)
+        nonlocal loaded
+        last = max(ROUGH, tolerance) if rough else tolerance
+        if loaded:
+            problem.remember()
+            used = newton(problem, solver, last, log)
+        else:
+            used = load(problem, solver, last, log)
+        loaded = True
+        if not rough:
+            check_all_seen(problem.model)
         return used
 
     return solve
+
+
+def load(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int:
+    """Bring the dead loads up in increments; return the iterations used.
+
+    Where steel yields, an increment that does not converge is halved and tried again from the last
+    state at rest, and the history goes along. All but the last are solved roughly.
+
+    Args:
+        problem: The model with its loads at rest.
+        solver: Of the linear bodies in contact.
+        tolerance: Largest residual over the load, at the end [-].
+        log: Called with lines of progress.
+
+    Raises:
+        GuardError: if it has not converged, in a :data:`SMALLEST` part of the loads.
+    """
+    u, share, used = problem.model.state.u.x.array, 0.0, 0
+    part = 1.0 / problem.settings.increments
+    while share < 1.0:
+        reached = min(share + part, 1.0) if share + part < 1.0 - SMALLEST / 2 else 1.0
+        before, force = u.copy(), solver.force.copy()
+        problem.bear(reached)
+        try:
+            wanted = tolerance if reached == 1.0 else max(ROUGH_LOAD, tolerance)
+            used += newton(problem, solver, wanted, log)
+        except GuardError:
+            part /= 2
+            if not problem.remembers or part < SMALLEST:
+                problem.bear(1.0)
+                raise
+            u[:], solver.force[:] = before, force
+            solver.secants.forget()
+            log(f"equilibrium: not converged; from {share:.3g} of the loads by {part:.3g} of them")
+            continue
+        share = reached
+        if share < 1.0:
+            log(f"equilibrium: {share:.3g} of the loads")
+            problem.remember()
+            solver.secants.forget()
+    return used
 
 
 def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int:

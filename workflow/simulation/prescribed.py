@@ -14,6 +14,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import la
 
+from forms.loads import smooth_step
 from forms.rank_sums import gathered, own_part
 from meshes.arrays import Array
 from workflow.model import Model
@@ -92,8 +93,7 @@ class Carried:
 
     def shift(self, t: float) -> Array:
         """Return what of the shift is done: a quintic from rest to rest, shape ``(3,)`` [m]."""
-        s = min(max(t / self.entry.shift_time, 0.0), 1.0)
-        return np.asarray(np.array(self.entry.shift) * s**3 * (10 - 15 * s + 6 * s**2))
+        return np.asarray(np.array(self.entry.shift) * smooth_step(t / self.entry.shift_time))
 
     def steer(self, a: la.Vector, free: Array) -> None:
         """Set the acceleration of the rigid motion, in place, and count the work so far.

@@ -291,6 +291,9 @@ def steps(
                 if job.sampling is not None:
                     job.sampling.append(job.results)
             progress.output(model, history)
+            for item in model.items:
+                for line in item.notices() if hasattr(item, "notices") else ():
+                    progress.log(line)
             watched.check(job.ledger)
             yield energy, error
         elif state.step % scene.guards.check_interval == 0:

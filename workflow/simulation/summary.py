@@ -3,7 +3,7 @@
 
 import traceback
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,8 @@ def cell_fields(model: Model) -> dict[str, Callable[[], Any]]:
     items = [item for item in model.items if hasattr(item, "cell_means")]
 
     def gather(name: str) -> Any:
-        return sum(item.cell_means(name) for item in items if name in item.cell_fields)
+        own = [item.cell_means(name) for item in items if name in item.cell_fields]
+        return reduce(np.fmax, own)  # where a body has none it is zero or not a number
 
     names = sorted({name for item in items for name in item.cell_fields})
     return {name: partial(gather, name) for name in names}
@@ -118,6 +119,7 @@ def summarise(
             "area": float(np.sum(footprint.area)),
             "contact_angles": [patch.contact_angle for patch in footprint.patches],
         }
+    yielding = {item.name: item.yielding for item in model.items if hasattr(item, "yielding")}
     stepping = sum(clock.seconds[p] for p in ("internal_force", "contact", "update", "output"))
     return {
         "scene": model.scene.name,
@@ -133,6 +135,7 @@ def summarise(
         "dt": model.dt,
         "dt_bound": model.dt_bound,
         "added_mass": model.added_mass.tables() if model.added_mass is not None else None,
+        **({"yielding": yielding} if yielding else {}),
         "wall_seconds": wall,
         "processor_seconds": clock.processor,
         "seconds_per_phase": clock.seconds,

@@ -3,7 +3,7 @@
 
 from workflow.scene.bodies import ElastoPlastic, Isotropic
 from workflow.scene.scene import Scene
-from workflow.scene.settings import Contact
+from workflow.scene.settings import Contact, Load
 
 SMALL = 0.01  # strain, speed over that of waves, up to which waves are linear
 SLENDER = 10.0  # least length over width of a bar whose waves are one-dimensional
@@ -77,7 +77,12 @@ def coulomb(contact: Contact) -> float | None:
 
 def pressed(scene: Scene) -> float | None:
     """Return the pressure of the one load of a scene, on its top [Pa]; None if there is another."""
-    if len(scene.loads) != 1 or scene.loads[0].surface != "zmax":
+    if len(scene.loads) != 1 or scene.loads[0].surface != "zmax" or pushed(scene.loads[0]):
         return None
     along, across, up = scene.loads[0].traction
     return -up if up < 0 and not (along or across) else None
+
+
+def pushed(load: Load) -> bool:
+    """Whether a load has a pressure along the normal, or comes up within a time."""
+    return bool(load.pressure or load.ramp)

@@ -24,6 +24,7 @@ from workflow.theory.assumptions import (
     material,
     only_contact,
     pressed,
+    pushed,
     velocity,
 )
 from workflow.theory.quantity import COULOMB, STATICS, WEAKENING, Expected
@@ -149,7 +150,7 @@ def on_plane(scene: Scene) -> tuple[float, Exponential] | None:
     if not isinstance(mesh, BarMesh) or contact is None or len(scene.loads) != 1:
         return None
     wall, law, load = contact.target, contact.friction, scene.loads[0]
-    if not isinstance(wall, RigidWall) or not isinstance(law, Exponential):
+    if not isinstance(wall, RigidWall) or not isinstance(law, Exponential) or pushed(load):
         return None
     if wall.normal[0] or wall.normal[1] or wall.normal[2] <= 0 or load.surface != "zmax":
         return None

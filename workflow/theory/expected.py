@@ -8,7 +8,15 @@ yields nothing where its assumptions do not hold, or where the run is too short 
 from collections.abc import Callable, Iterator
 
 from workflow.results.record import Record
-from workflow.scene.mesh import BarMesh, BlocksMesh, CapMesh, CurvedMesh, Foreign, WheelRailMesh
+from workflow.scene.mesh import (
+    BarMesh,
+    BlocksMesh,
+    CapMesh,
+    CurvedMesh,
+    Foreign,
+    HollowSphereMesh,
+    WheelRailMesh,
+)
 from workflow.scene.scene import Scene
 from workflow.theory.quantity import Expected
 
@@ -55,6 +63,10 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
             from workflow.theory.smooth import hertz_contact
 
             return (hertz_contact,)
+        case HollowSphereMesh():
+            from workflow.theory.spheres import yielding_sphere
+
+            return (yielding_sphere,)
         case WheelRailMesh():
             from workflow.theory.wheel_on_rail import wheel_at_rest, wheel_rolling
 
