@@ -3,7 +3,8 @@
 
 Friction presses as well as pulls: a block leans forward on it. So the normal forces are found with
 it. Bodies that nothing resists in some rigid motion accelerate; their inertia balances the forces,
-not ``equilibrium.hold``, which a run does not have either.
+not ``equilibrium.hold``, which a run does not have either. A wheelset that rolls at constant speed
+is driven by what holds its axle.
 """
 
 from collections.abc import Collection
@@ -73,8 +74,13 @@ def settle(model: Model, slip: Array | None, sticking: Collection[str], log: Log
     # the solver of statics is imported where something slides
     from workflow.simulation.equilibrium import equilibrium
 
-    settings = (model.scene.equilibrium or Equilibrium()).model_copy(update={"hold": []})
-    always = rolling.centrifugal(model) if model.scene.rolling is not None else np.zeros(0)
+    settings, always, free = model.scene.equilibrium or Equilibrium(), np.zeros(0), None
+    settings = settings.model_copy(update={"increments": 1})
+    if model.scene.rolling is not None:  # at constant speed: what holds the axle drives it
+        always = rolling.centrifugal(model)
+    else:
+        settings = settings.model_copy(update={"hold": []})
+        free = free_motions(model, faces(model, slip, sticking))
     owned = 3 * model.domain.owned
 
     def resting() -> list[Face]:
@@ -93,7 +99,6 @@ def settle(model: Model, slip: Array | None, sticking: Collection[str], log: Log
             return springs.normal
         return slanted(side, springs, model, slip)
 
-    free = free_motions(model, faces(model, slip, sticking))
     problem = AtRest(model, settings, always, friction, free)
     try:
         equilibrium(problem, lambda line: log(f"sliding, {line}"), pushing)(False)
