@@ -24,7 +24,7 @@ from workflow.model.checks import check, check_room, check_step
 from workflow.model.geometry import domain_of, on_root
 from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
 from workflow.model.state import Item, State
-from workflow.model.step import step_bound
+from workflow.model.step import first_step, step_bound
 from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene import Scene, SceneError
@@ -54,6 +54,8 @@ class Model:
         supports: Held directions.
         hold: What imposes them and prescribed motion on an acceleration; the supports, or more.
         dt, dt_bound: Step and its bound [s].
+        span: Time between two looks at the shape of cells, which the step follows [s]; None where
+            the step stays.
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
         doubts: What is likely to go wrong with its settings, in words.
@@ -71,6 +73,7 @@ class Model:
     hold: Callable[[la.Vector], None]
     dt: float
     dt_bound: float
+    span: float | None = None
     placement: Any = None
     added_mass: "AddedMass | None" = None
     doubts: list[str] = field(default_factory=list)
@@ -198,9 +201,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = bodies.lumped_mass()
     bound = step_bound(bodies, mass.array, links, log) if added is None else added.step
-    # outputs fall on steps
-    per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
-    dt = float(scene.time.output_interval / per_output)
+    dt, span = first_step(bodies, bound)
     held = supports(
         [*scene.supports, *end_supports(scene), *(d.support for d in scene.driven.values())],
         scene,
@@ -218,7 +219,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     if links is not None:
         links.dt = dt
         items.append(links)
-    model = Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, placement)
+    model = Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, span, placement)
     model.added_mass = added
     return model
 

@@ -49,6 +49,7 @@ class Item(Protocol):
       collective. ``cell_fields``, names, and ``cell_means(name)``, an array of all cells on rank 0:
       its fields of cells in ``fields.vtkhdf``; collective.
     - ``back(dt)`` and ``step(dt)``: motion of its own beside the mesh, as point masses have it.
+    - ``retime(dt)``: takes another step, if it keeps one.
     """
 
     def add(self, state: State, force: dolfinx.la.Vector) -> None:

@@ -20,8 +20,10 @@ from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.regions import place
+from workflow.scene import SceneError
 
 PRODUCTS = 40
+LOOK = 10  # first steps between two looks at the shape of cells
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,49 @@ def step_bound(
     frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
     frequency = float(np.hypot(frequency, touch.square**0.5))
     return joined_step(frequency, springs, dampers, *damping, room=touch.undamped)
+
+
+def bodies_followed(bodies: Bodies) -> list[str]:
+    """Return the bodies whose shape the step follows: in large strain, of a law with a memory.
+
+    Raises:
+        SceneError: if the scene asks for it and there are none.
+    """
+    scene = bodies.scene
+    if scene.time.follow_shape is False:
+        return []
+    large = [name for name, b in scene.bodies.items() if b.kinematics == "total-lagrangian"]
+    found = [name for name in large if name in bodies.memory_laws]
+    if scene.time.follow_shape and not found:
+        raise SceneError(
+            "time.follow_shape = true: expected a body of kinematics 'total-lagrangian' whose law "
+            f"has a memory, got {', '.join(scene.bodies)} without; elastic laws stiffen or soften "
+            "with their strain, which the shape does not tell"
+        )
+    return found
+
+
+def first_step(bodies: Bodies, bound: float) -> tuple[float, float | None]:
+    """Return the step that a run begins with [s], and the time between looks at the shape.
+
+    Outputs fall on steps; so do looks, a whole number of which is made from output to output. None
+    where the step stays as it is.
+
+    Args:
+        bodies: Bodies with their forms.
+        bound: Bound of the step [s].
+    """
+    time = bodies.scene.time
+    limit = time.safety * bound
+    if not bodies_followed(bodies):
+        return float(time.output_interval / np.ceil(time.output_interval / limit)), None
+    span = time.output_interval / max(1, round(time.output_interval / (LOOK * limit)))
+    return even_step(span, limit), span
+
+
+def even_step(span: float, limit: float) -> float:
+    """Return the longest step up to a limit that a span is a whole number of [s]."""
+    return float(span / np.ceil(span / limit * (1 - 1e-12)))  # round-off decides nothing
 
 
 def damped_bound(

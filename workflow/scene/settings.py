@@ -281,6 +281,10 @@ class Time(Section):
     """What the step is measured against: the assembled system with its springs, or the stiffest
     cell, 20 to 50 % shorter.
     """
+    follow_shape: bool | None = Field(default=None, examples=[True])
+    """Whether the step falls with the smallest stretch of the cells of bodies with a memory in
+    large strain; left out, it does where there are such bodies.
+    """
     precision: Literal["float64", "float32"] = "float64"
     """Precision of the internal forces in time; all else is computed in float64."""
 
