@@ -20,7 +20,6 @@ from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.contacts import contact_surfaces
 from workflow.model.regions import place
-from workflow.scene import SceneError
 
 PRODUCTS = 40
 LOOK = 10  # first steps between two looks at the shape of cells
@@ -93,23 +92,11 @@ def step_bound(
 
 
 def bodies_followed(bodies: Bodies) -> list[str]:
-    """Return the bodies whose shape the step follows: in large strain, of a law with a memory.
-
-    Raises:
-        SceneError: if the scene asks for it and there are none.
-    """
-    scene = bodies.scene
-    if scene.time.follow_shape is False:
+    """Return the bodies whose shape the step follows: in large strain, of a law with a memory."""
+    if bodies.scene.time.follow_shape is False:
         return []
-    large = [name for name, b in scene.bodies.items() if b.kinematics == "total-lagrangian"]
-    found = [name for name in large if name in bodies.memory_laws]
-    if scene.time.follow_shape and not found:
-        raise SceneError(
-            "time.follow_shape = true: expected a body of kinematics 'total-lagrangian' whose law "
-            f"has a memory, got {', '.join(scene.bodies)} without; elastic laws stiffen or soften "
-            "with their strain, which the shape does not tell"
-        )
-    return found
+    entries = bodies.scene.bodies
+    return [n for n in bodies.memory_laws if entries[n].kinematics == "total-lagrangian"]
 
 
 def first_step(bodies: Bodies, bound: float) -> tuple[float, float | None]:

@@ -112,6 +112,7 @@ class Scene(Section):
             *self._unfit_bodies(),
             *self._unfit_contacts(),
             *self._unfit_friction(),
+            *self._unfit_step(),
         ]:
             raise ValueError("\n".join(wrong))
         if self.rolling:
@@ -215,6 +216,16 @@ class Scene(Section):
             yield (
                 f"time.precision = {self.time.precision!r}: expected 'float64' with law {law!r} "
                 f"of {key}"
+            )
+
+    def _unfit_step(self) -> Iterator[str]:
+        """Yield a line if the step is to follow the shape of bodies that there are not."""
+        large = [b for b in self.bodies.values() if b.kinematics == "total-lagrangian"]
+        if self.time.follow_shape and not any(b.material.law in MEMORY for b in large):
+            yield (
+                "time.follow_shape = true: expected a body with kinematics 'total-lagrangian' "
+                f"whose law has a memory, {' or '.join(map(repr, MEMORY))}, got none; elastic laws "
+                "stiffen and soften with their strain, which their shape does not tell"
             )
 
     def _unfit_contacts(self) -> Iterator[str]:

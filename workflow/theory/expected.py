@@ -52,9 +52,10 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
 
             return struck, shifted, carter, creep_force, half_space_code, hertz_contact
         case _ if isinstance(scene.mesh, Foreign):
+            from workflow.theory.bars import taylor_bar
             from workflow.theory.smooth import hertz_contact
 
-            return (hertz_contact,)
+            return taylor_bar, hertz_contact
         case WheelRailMesh():
             from workflow.theory.wheel_on_rail import wheel_at_rest, wheel_rolling
 

@@ -3,7 +3,7 @@
 // it, swept along the bar.
 DefineConstant[ radius = 0.0032 ];   // m
 DefineConstant[ length = 0.0324 ];   // m
-DefineConstant[ size = 0.0004 ];     // m, edge of the cells
+DefineConstant[ size = 0.0008 ];     // m, edge of the cells
 
 n = Ceil(radius / 2 / size);
 s = 0.5 * radius;          // of the square: along the axes, and to its corner
