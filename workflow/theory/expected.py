@@ -54,8 +54,9 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
         case _ if isinstance(scene.mesh, Foreign):
             from workflow.theory.bars import taylor_bar
             from workflow.theory.smooth import hertz_contact
+            from workflow.theory.yielding_sphere import flattened_sphere
 
-            return taylor_bar, hertz_contact
+            return taylor_bar, flattened_sphere, hertz_contact
         case WheelRailMesh():
             from workflow.theory.wheel_on_rail import wheel_at_rest, wheel_rolling
 
