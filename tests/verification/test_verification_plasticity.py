@@ -201,7 +201,7 @@ def test_row_33_taylor_bar(run_scene, size):
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1.4e-4, pytest.param(7e-5, marks=pytest.mark.long)])
 def test_row_34_flattened_sphere(run_scene, size):
-    """P / P_c = 4.93 and 13.2 at 3 and 6 times the critical approach, to 5 %; kinetic energy 2 %."""
+    """P / P_c = 4.93 and 13.2 at 3 and 6 times the critical approach, to 5 %; slow to 2 %."""
     folder = run_scene("sphere-flattening", **{"mesh.size": size})
     three, six, kinetic = expected(Record(folder))
     assert three.expected == pytest.approx(4.93, abs=0.005)

@@ -43,7 +43,9 @@ def test_a_flight_stays_exact_where_the_step_changes():
     for s in loop:
         t, u = s.t, s.u.x.array.reshape(-1, 3)
         v = (s.v.x.array + model.dt / 2 * s.a.array).reshape(-1, 3)
-        np.testing.assert_allclose(u, np.tile([5 * t, 0, 0] + G * t**2 / 2, (len(u), 1)), rtol=1e-12)
+        np.testing.assert_allclose(
+            u, np.tile([5 * t, 0, 0] + G * t**2 / 2, (len(u), 1)), rtol=1e-12
+        )
         np.testing.assert_allclose(v, np.tile([5.0, 0, 0] + G * t, (len(v), 1)), rtol=1e-12)
         dts.append(model.dt)
         retime(model, 1e-3 * (0.5 if s.step % 2 else 0.9))
@@ -85,16 +87,16 @@ def test_the_bound_of_a_flattened_bar_is_that_of_flatter_cubes(share):
     """Cubes without Poisson's effect, flattened along x as flow does it: 2 / ω = share · h / c."""
     model = build(Scene.load("plastic-bar", **LARGE, **{"mesh.size": 2.5e-3}), MPI.COMM_SELF)
     first, following = model.dt_bound, Following(model)
-    assert following.step() is None and model.dt_bound == first
+    assert following.look() is None and model.dt_bound == first
     x = model.domain.V.tabulate_dof_coordinates()
     model.state.u.x.array[:] = (x * ([share, *2 * [share**-0.5]] - np.ones(3))).ravel()
-    told = following.step()
+    told = following.look()
     assert f"-> {model.dt * 1e9:.2f} ns for the shape of body 'bar'" in told
     assert share / (1 + SHARP) ** 2 < model.dt_bound / first < share * 1.001
     steps = model.span / model.dt
     assert model.dt <= 0.5 * model.dt_bound and steps == pytest.approx(round(steps), rel=1e-12)
     model.state.u.x.array[:] = 0.0
-    assert following.step() is None  # it never rises
+    assert following.look() is None  # it never rises
 
 
 def test_a_cell_that_turns_inside_out_ends_the_run():
@@ -105,8 +107,10 @@ def test_a_cell_that_turns_inside_out_ends_the_run():
     cell = int(np.flatnonzero((mesh.cells == node).any(axis=1))[0])
     (dof,) = model.domain.local_dofs(np.array([node]))
     model.state.u.x.array[3 * dof : 3 * dof + 3] = -2.5e-3 * 0.9
-    with pytest.raises(GuardError, match=f"turned inside out at step 0, .* body 'bar', cell {cell},"):
-        following.step()
+    with pytest.raises(
+        GuardError, match=f"turned inside out at step 0, .* body 'bar', cell {cell},"
+    ):
+        following.look()
 
 
 def test_a_run_tells_its_steps_and_keeps_its_outputs(run_scene):
@@ -173,8 +177,6 @@ def test_nothing_to_follow_is_refused():
     """Asked for where no body has a memory at large strain: the key, and why."""
     for keys in ({}, {"bodies.bar.kinematics": "small-strain"}):
         name = "plastic-bar" if keys else "bar-impact"
-        with pytest.raises(SceneError, match="time.follow_shape = true: expected a body"):
+        with pytest.raises(SceneError, match=r"time\.follow_shape = true: expected a body"):
             Scene.load(name, **keys, **{"time.follow_shape": True})
     assert Scene.load("plastic-bar", **LARGE, **{"time.follow_shape": True}).time.follow_shape
-
-

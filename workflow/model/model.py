@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
-import numpy as np
 import ufl
 from dolfinx import fem, la
 

@@ -265,9 +265,7 @@ def write(folder: Path, arrays: Arrays) -> None:
     atomic.replace(path, content.getvalue())
 
 
-def collect(
-    model: Model, ledger: Ledger, others: Mapping[str, Any]
-) -> Arrays:
+def collect(model: Model, ledger: Ledger, others: Mapping[str, Any]) -> Arrays:
     """Return the memory of a run between two steps, whole on rank 0; collective.
 
     Args:

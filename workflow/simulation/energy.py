@@ -26,10 +26,10 @@ class Ledger:
     energy that far below zero is therefore counted as the error.
 
     A contact that goes wrong makes or takes a share of what passes through it, which is little
-    beside the motion of a fast body. The *work of the contact* is what friction, landings and
-    dampers of contacts have taken, plastic flow has, and the most that contact springs and the
-    strain of the bodies have held: contact has pressed it into them, or made it out of their motion. It is the same in
-    every moving frame. The *guarded error* is the imbalance over that work, without contact over
+    beside the motion of a fast body. The *work of the contact* is what friction, landings, dampers
+    of contacts and plastic flow have taken, and the most that contact springs and the strain of the
+    bodies have held: contact has pressed it into them, or made it out of their motion. It is the
+    same in every moving frame. The *guarded error* is the imbalance over that work, without contact over
     the reference energy.
 
     Attributes:

@@ -149,7 +149,9 @@ class Hold:
         The way of a moved surface is then off by the third derivative of its place times a sixth
         of the difference of the squares of both steps in speed.
         """
-        for mover in (*self.carried, *self.moved):
+        for carried in self.carried:
+            carried.dt = dt
+        for mover in self.moved:
             mover.dt = dt
 
     def energy(self, state: State) -> dict[str, float]:

@@ -326,12 +326,15 @@ def end_of(model: Model) -> float:
 
 def follow(job: Job, following: "Following") -> None:
     """Let the step follow the shape of cells, where a look at it is due, and log a change."""
+    model = job.model
+    if model.span is None or not stepping.due(model.state.t, model.span, model.dt):
+        return
     with job.clock.phase("update"):
-        told = following.step()
+        told = following.look()
     if told is not None:
         job.progress.log(told)
         if job.sampling is not None:
-            job.sampling.retime(job.model.dt)
+            job.sampling.retime(model.dt)
 
 
 def interruptible(job: Job, stepped: Iterator[Any]) -> Iterator[Any]:
