@@ -29,8 +29,8 @@ class Ledger:
     beside the motion of a fast body. The *work of the contact* is what friction, landings, dampers
     of contacts and plastic flow have taken, and the most that contact springs and the strain of the
     bodies have held: contact has pressed it into them, or made it out of their motion. It is the
-    same in every moving frame. The *guarded error* is the imbalance over that work, without contact over
-    the reference energy.
+    same in every moving frame. The *guarded error* is the imbalance over that work, without contact
+    over the reference energy.
 
     Attributes:
         contact_work: Work of the contact so far, 0 without contact [J].
