@@ -100,12 +100,20 @@ def smallest_stretch(then: Array, now: Array) -> Array:
         then: Corners in the order of DOLFINx before the deformation, shape ``(n, 8, 3)`` [m].
         now: The same after it.
     """
-    before = np.einsum("nci,gca->ngia", then, SLOPES)
-    after = np.einsum("nci,gca->ngia", now, SLOPES)
-    F = after @ np.linalg.inv(before)
+    F = deformations(then, now)
     least = np.sqrt(np.linalg.eigvalsh(F.swapaxes(2, 3) @ F)[:, :, 0]).min(axis=1)
     inside_out = (np.linalg.det(F) <= 0).any(axis=1)
     return np.where(inside_out, -1.0, least)
+
+
+def deformations(then: Array, now: Array) -> Array:
+    """Return the deformation gradients at the Gauss points of cells, shape ``(n, 8, 3, 3)``.
+
+    Arguments as for :func:`smallest_stretch`.
+    """
+    before = np.einsum("nci,gca->ngia", then, SLOPES)
+    after = np.einsum("nci,gca->ngia", now, SLOPES)
+    return np.asarray(after @ np.linalg.inv(before))
 
 
 def slopes(points: Array) -> Array:
