@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A step that follows the shape of cells: it falls with the bound of the deformed mesh, no more.
+"""Step that follows the shape of cells: it falls with the bound of the deformed mesh.
 
-Cells are looked at after spans of equal length, which outputs and samples end with; in one span
-all steps are equal. Between two looks a stretch of a cell by s brings the bound down by s at most
-(:mod:`forms.stretch`). Where the smallest stretch since has come to :data:`FRESH`, the bound is
-found anew: by Lanczos' method on the mesh as it is deformed, with the elastic moduli, which plastic
-flow only lowers. The step never rises: contact springs that were born with a longer one stay soft
-enough for it.
+Cells are looked at after spans of equal length, about ten first steps, with which outputs and
+samples end too; in one span all steps are equal. A cell that is stretched by s since the bound was
+found brings it down by s at most. Where the smallest stretch has come to 0.9, it is found anew: by
+Lanczos' method on the mesh as it is deformed, with the elastic moduli, which plastic flow only
+lowers. The step never rises: contact springs keep the stiffness of their birth, and those that were
+born with a longer step are soft enough for a shorter one.
 """
 
 from collections.abc import Mapping
