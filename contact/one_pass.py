@@ -104,9 +104,6 @@ class Pass:
     def _bind(self) -> Any:
         """Return the pass for the kernel."""
         o, exchange, points = self.options, self.candidates.exchange, self.candidates.search.points
-        self._per_mass = o.penalty / o.dt**2
-        if o.method == "lagrange" and not o.smooth:
-            self._per_mass *= STATIC
         c = struct(
             "wr_pass",
             target=self.candidates.search.c,
@@ -122,6 +119,18 @@ class Pass:
             **({} if points is None else {"points": points}),
         )
         return c
+
+    @property
+    def _per_mass(self) -> float:
+        """Stiffness that springs are born with, over their effective mass [1/s²]."""
+        o = self.options
+        stiffer = STATIC if o.method == "lagrange" and not o.smooth else 1.0
+        return o.penalty / self.dt**2 * stiffer
+
+    def retime(self, dt: float) -> None:
+        """Go on with another step [s]; springs that there are keep the stiffness of their birth."""
+        self.dt = dt
+        self._c.per_mass = self._per_mass
 
     def _foundations(self) -> dict[str, Array]:
         """Return the foundation moduli of both sides, nothing where springs follow the mass."""

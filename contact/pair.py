@@ -154,6 +154,12 @@ class ContactPair:
         for side in self.passes:
             side.reset()
 
+    def retime(self, dt: float) -> None:
+        """Go on with another step [s]; springs that there are keep the stiffness of their birth."""
+        self.dt = dt
+        for side in self.passes:
+            side.retime(dt)
+
     def add(self, state: State, force: Vector, *, friction: bool = True) -> None:
         """Add the contact forces of the present state to ``force`` on owned dofs; collective.
 

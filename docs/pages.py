@@ -72,7 +72,8 @@ def scene(name: str, note: dict[str, Any]) -> str:
     lines = [f"# {name}", "", f"**{told.title}**: {told.about}.", "", *said, ""]
     if picture := note.get("picture"):
         lines += [f"![{told.title}](../../../pictures/{picture})", ""]
-    lines += ["## What it is held against", "", note["answer"], "", "## Run it", ""]
+    lines += ["## What it is held against", "", note["answer"], ""]
+    lines += [*note.get("measured", "").splitlines(), "", "## Run it", ""]
     lines += [f"    squealx run {name}", f"    squealx report runs/{name}", ""]
     lines += ["## What to change", "", "| change | why |", "|---|---|"]
     lines += [f"| `--set {k}={toml(v)}` | {why} |" for k, (v, why) in note["set"].items()]

@@ -147,6 +147,10 @@ class MassDamping:
             self.dissipation += self.dt * float(total.sum()) / 2
         self._last, self._force, self._began = f, total, True
 
+    def retime(self, dt: float) -> None:
+        """Go on with another step [s]."""
+        self.dt = dt
+
     def energy(self, state: Any) -> dict[str, float]:
         """Return the energy taken so far [J]; collective."""
         return {"damping": self.comm.allreduce(self.dissipation)}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Logarithmic elastic strain and its stress: Hencky's law, in UFL.
 
-The strain ``ln(Fᵀ F) / 2`` is a series for strains that are small, of relative error ``2 E³`` (5e-5
-at a strain of 3 %), rotations of any size. The law is that of Hooke for this strain and the Mandel
-stress: what laws with a memory have at large strain before anything has yielded.
+The strain ``ln(Fᵀ F) / 2`` is good to 1e-9 at strains of 6 % and to 1e-6 at 20 %, at rotations of
+any size. The law is that of Hooke for this strain and the Mandel stress: what laws with a memory
+have at large strain before anything has yielded.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,31 @@ from forms.materials import VOIGT, hooke_energy
 
 def logarithm(A: Any) -> Any:
     """Return ``ln(Fᵀ F) / 2`` for ``F = I + A``."""
-    E = sym(A) + dot(A.T, A) / 2
+    return half_logarithm(sym(A) + dot(A.T, A) / 2)
+
+
+def half_logarithm(E: Any) -> Any:
+    """Return ``ln(I + 2 E) / 2`` of a symmetric tensor, of relative error ``E⁶ / 44``.
+
+    Padé's approximant of degree three over three: an impact strains a cell by several per cent in
+    one step, of which a series of as many products would leave 1e-4 of the flow stress.
+    """
     EE = square(E)
-    return E - EE + 4 / 3 * product(EE, E)
+    EEE = product(EE, E)
+    above = E + 2 * EE + 11 / 15 * EEE
+    below = Identity(3) + 3 * E + 12 / 5 * EE + 2 / 5 * EEE
+    return product(above, inverse(below))
+
+
+def inverse(A: Any) -> Any:
+    """Return the inverse of a symmetric tensor."""
+    cofactors = symmetric(
+        lambda i, j: (
+            A[(i + 1) % 3, (j + 1) % 3] * A[(i + 2) % 3, (j + 2) % 3]
+            - A[(i + 1) % 3, (j + 2) % 3] * A[(i + 2) % 3, (j + 1) % 3]
+        )
+    )
+    return cofactors / sum(A[0, k] * cofactors[0, k] for k in range(3))
 
 
 def pulled_back(M: Any, L: Any) -> Any:

@@ -12,8 +12,8 @@ elastic strain ``ln(F_eᵀ F_e) / 2`` of the trial state, without plastic strain
 plastic strain turns into ``F_p ← exp(Δε_p) F_p``; the stress it returns is the Mandel stress
 (Eterovic and Bathe, Int. J. Numer. Meth. Engng 30, 1990, 1099–1114; Weber and Anand, Comput.
 Methods Appl. Mech. Engng 79, 1990, 173–202). No rotation changes anything in the memory, and the
-plastic flow keeps the volume. The elastic strain must be small (:mod:`forms.logarithmic`), flow in
-any amount.
+plastic flow keeps the volume. The elastic strain must be small (:mod:`forms.logarithmic`); flow may
+come to any amount.
 """
 
 from collections.abc import Callable, Mapping
@@ -174,5 +174,6 @@ class LargeStrain:
 
 
 def _exponential(flow: Any) -> Any:
-    """Return ``exp(−flow) − I`` of a symmetric tensor, of relative error ``flow³ / 24``."""
-    return product(flow, flow / 2 - square(flow) / 6) - flow
+    """Return ``exp(−flow) − I`` of a symmetric tensor, of relative error ``flow⁵ / 720``."""
+    FF, one = square(flow), Identity(3)
+    return product(FF, one / 2 - flow / 6 + product(FF, one / 24 - flow / 120)) - flow

@@ -124,8 +124,24 @@ def assembled_frequency(
         The bound, and whether it is within the tolerance: if the iterations did not suffice it is
         a bound still, but a loose one, infinite after a few steps.
     """
+    apply = scaled_stiffness(V, residual, mass, springs)
+    value, sharp = largest_eigenvalue(V, apply, tolerance=tolerance, iterations=iterations)
+    return float(np.sqrt(value)), sharp
+
+
+def scaled_stiffness(
+    V: Any,
+    residual: Callable[[Any, Any], Any],
+    mass: Array,
+    springs: Array | None = None,
+    precision: str = "float64",
+) -> Callable[[Array], Array]:
+    """Return ``M^(-1/2) K M^(-1/2)`` of the owned dofs at rest, for the mesh as it is when called.
+
+    Arguments as for :func:`assembled_frequency`; ``precision`` is what the cells compute with.
+    """
     u, direction, w = fem.Function(V), fem.Function(V), ufl.TestFunction(V)
-    kernel = CellKernel(ufl.derivative(residual(u, w), u, direction))
+    kernel = CellKernel(ufl.derivative(residual(u, w), u, direction), precision)
     out = la.vector(V.dofmap.index_map, V.dofmap.bs)
     n = V.dofmap.bs * V.dofmap.index_map.size_local
     scale = 1 / np.sqrt(mass[:n])
@@ -139,8 +155,7 @@ def assembled_frequency(
         out.scatter_reverse(la.InsertMode.add)
         return np.asarray(scale * out.array[:n] + diagonal * q)
 
-    value, sharp = largest_eigenvalue(V, apply, tolerance=tolerance, iterations=iterations)
-    return float(np.sqrt(value)), sharp
+    return apply
 
 
 def largest_eigenvalue(

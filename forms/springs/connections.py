@@ -49,6 +49,10 @@ class Connections:
         """Kick and drift the point masses over ``dt`` [s]."""
         self.masses.step(dt)
 
+    def retime(self, dt: float) -> None:
+        """Go on with another step [s]."""
+        self.dt = dt
+
     def energy(self, state: Any) -> dict[str, float]:
         """Return kinetic energy, spring energy, energy taken and work done [J]; collective."""
         return {

@@ -15,8 +15,9 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from forms.elasticity import full
+from forms.logarithmic import half_logarithm
 from forms.material_points import Points
-from forms.memory import EQUIVALENT, FLOW, MemoryLaw, Variable
+from forms.memory import EQUIVALENT, FLOW, MemoryLaw, Variable, _exponential
 from forms.plasticity import J2, BackStress, ElastoPlastic, flow_stress
 
 E, NU, RHO, Y = 210e9, 0.3, 7800.0, 500e6
@@ -224,6 +225,20 @@ def test_random_strain_path_as_by_the_rate_equations(kind: str) -> None:
     assert np.linalg.norm(better - exact) < 2e-4 * np.linalg.norm(exact)
 
 
+@pytest.mark.parametrize("size", [1e-3, 0.03, 0.06, 0.1])
+def test_logarithm_and_exponential_of_an_increment(size: float) -> None:
+    """Of symmetric tensors of strains up to 10 %: those of scipy, to E⁶ / 20 and flow⁵ / 700."""
+    A = np.random.default_rng(3).standard_normal((3, 3))
+    A = (A + A.T) * size / np.abs(np.linalg.eigvalsh(A + A.T)).max()
+    given = ufl.as_matrix(A.tolist())
+    for found, exact, error in (
+        (half_logarithm(given), np.real(logm(np.eye(3) + 2 * A)) / 2, size**6 / 20),
+        (_exponential(given), expm(-A) - np.eye(3), size**5 / 700),
+    ):
+        value = np.array([[float(found[i, j](())) for j in range(3)] for i in range(3)])
+        assert np.allclose(value, exact, rtol=0, atol=size * (error + 1e-12))
+
+
 @pytest.mark.slow
 def test_large_strain_by_the_exponential_map() -> None:
     """Shear of 2 with stretch: exact logarithms and exponentials in numpy give the same stress."""
@@ -245,8 +260,8 @@ def test_large_strain_by_the_exponential_map() -> None:
         Fe = F @ np.linalg.inv(Fp)
         M = s - 2 * mu * flow + bulk * np.trace(L) * np.eye(3)
         exact = np.linalg.inv(Fe).T @ M @ np.linalg.inv(Fp).T
-    assert point.value(EQUIVALENT)[0] == pytest.approx(p, rel=1e-6)
-    assert np.allclose(P, exact, rtol=0, atol=2e-5 * np.abs(exact).max())
+    assert point.value(EQUIVALENT)[0] == pytest.approx(p, rel=1e-9)
+    assert np.allclose(P, exact, rtol=0, atol=3e-8 * np.abs(exact).max())
     found = np.eye(3) + point.value(FLOW).reshape(3, 3)
     assert np.linalg.det(found) == pytest.approx(1, abs=2e-9)  # flow keeps the volume
 

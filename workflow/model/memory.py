@@ -14,8 +14,10 @@ from forms.cells import one_point
 from forms.dilatation import dilatation, dilatation_energy, mean_stress
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
+from forms.materials import VOIGT
 from forms.memory import EQUIVALENT
 from forms.plasticity import MEMORY_LAWS
+from forms.stretch import deformations
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
 from workflow.model.cost import size_in_words
@@ -53,7 +55,7 @@ class MemoryForce:
     def __init__(self, bodies: Bodies, name: str, u: Any, precision: str) -> None:
         body, material = bodies.scene.bodies[name], bodies.materials[name]
         domain, dx = bodies.domain, bodies.remembering(name)
-        self.name, self.domain, self.comm = name, domain, domain.msh.comm
+        self.name, self.domain, self.comm, self.u = name, domain, domain.msh.comm, u
         rotating = body.kinematics == "total-lagrangian"
         split = body.element == "selective"
         given = bodies.memory_laws[name]
@@ -157,16 +159,22 @@ class MemoryForce:
         found, rank = self.comm.allreduce((own, self.comm.rank), op=MPI.MAXLOC)
         if not found > TOLERANCE:
             return
-        place = None
-        if rank == self.comm.rank:
-            nodes = self.domain.msh.geometry.dofmaps[0][worst]
-            place = self.domain.msh.geometry.x[nodes].mean(axis=0)
-        x, y, z = self.comm.bcast(place, root=rank)
+        told = self.comm.bcast(self._strained(worst) if rank == self.comm.rank else "", root=rank)
         raise LawError(
-            f"bodies.{self.name}.material: the law has no state for the strain of the cell at "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m: {found:.1e} beyond what it admits, expected at most "
-            f"{TOLERANCE:.0e}; a smaller time.safety makes the increments smaller"
+            f"bodies.{self.name}.material: the law has no state for the {told}: {found:.1e} beyond "
+            f"what it admits, expected at most {TOLERANCE:.0e}; a smaller time.safety makes the "
+            "increments smaller"
         )
+
+    def _strained(self, cell: int) -> str:
+        """Return strain and place of a cell of this rank in words."""
+        corners = self.domain.msh.geometry.x[self.domain.msh.geometry.dofmaps[0][cell]]
+        moved = corners + self.u.x.array.reshape(-1, 3)[self.domain.V.dofmap.list[cell]]
+        H = deformations(corners[None], moved[None])[0].mean(axis=0) - np.eye(3)
+        strain = (H + H.T) / 2
+        parts = ", ".join(f"{'xyz'[i]}{'xyz'[j]} = {strain[i, j]:.3g}" for i, j in VOIGT)
+        x, y, z = corners.mean(axis=0)
+        return f"strain {parts} of the cell at ({x:.4g}, {y:.4g}, {z:.4g}) m"
 
     def _sum(self, kernel: Any) -> float:
         """Return the sum over this rank's cells, and leave the cells in ``_sums``."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
-import numpy as np
 import ufl
 from dolfinx import fem, la
 
@@ -30,7 +29,7 @@ from workflow.model.loads import (
     ramped_loads,
 )
 from workflow.model.state import Item, State
-from workflow.model.step import step_bound
+from workflow.model.step import first_step, step_bound
 from workflow.model.supports import Supports, supports
 from workflow.model.track import connections, end_supports
 from workflow.scene import Scene, SceneError
@@ -60,6 +59,8 @@ class Model:
         supports: Held directions.
         hold: What imposes them and prescribed motion on an acceleration; the supports, or more.
         dt, dt_bound: Step and its bound [s].
+        span: Time between two looks at the shape of cells, which the step follows [s]; None where
+            the step stays.
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
         doubts: What is likely to go wrong with its settings, in words.
@@ -77,6 +78,7 @@ class Model:
     hold: Callable[[la.Vector], None]
     dt: float
     dt_bound: float
+    span: float | None = None
     placement: Any = None
     added_mass: "AddedMass | None" = None
     doubts: list[str] = field(default_factory=list)
@@ -204,9 +206,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     mass = la.vector(V.dofmap.index_map, 3)
     mass.array[:] = bodies.lumped_mass()
     bound = step_bound(bodies, mass.array, links, log) if added is None else added.step
-    # outputs fall on steps
-    per_output = np.ceil(scene.time.output_interval / (scene.time.safety * bound))
-    dt = float(scene.time.output_interval / per_output)
+    dt, span = first_step(bodies, bound)
     held = supports(
         [*scene.supports, *end_supports(scene), *(d.support for d in scene.driven.values())],
         scene,
@@ -225,7 +225,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     if links is not None:
         links.dt = dt
         items.append(links)
-    model = Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, placement)
+    model = Model(scene, domain, state, mass, bodies, items, held, held, dt, bound, span, placement)
     model.added_mass = added
     return model
 

@@ -51,6 +51,7 @@ class Item(Protocol):
       its fields of cells in ``fields.vtkhdf``; collective.
     - ``notices() -> Iterator[str]``: lines for the log at an output, the same on all ranks.
     - ``back(dt)`` and ``step(dt)``: motion of its own beside the mesh, as point masses have it.
+    - ``retime(dt)``: takes another step, if it keeps one.
     """
 
     def add(self, state: State, force: dolfinx.la.Vector) -> None:

@@ -22,6 +22,7 @@ from workflow.model.contacts import contact_surfaces
 from workflow.model.regions import place
 
 PRODUCTS = 40
+LOOK = 10  # first steps between two looks at the shape of cells
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,37 @@ def step_bound(
     frequency = cell_frequency(V, bodies.internal_work, bodies.mass)
     frequency = float(np.hypot(frequency, touch.square**0.5))
     return joined_step(frequency, springs, dampers, *damping, room=touch.undamped)
+
+
+def bodies_followed(bodies: Bodies) -> list[str]:
+    """Return the bodies whose shape the step follows: in large strain, of a law with a memory."""
+    if bodies.scene.time.follow_shape is False:
+        return []
+    entries = bodies.scene.bodies
+    return [n for n in bodies.memory_laws if entries[n].kinematics == "total-lagrangian"]
+
+
+def first_step(bodies: Bodies, bound: float) -> tuple[float, float | None]:
+    """Return the step that a run begins with [s], and the time between looks at the shape.
+
+    Outputs fall on steps; so do looks, a whole number of which is made from output to output. None
+    where the step stays as it is.
+
+    Args:
+        bodies: Bodies with their forms.
+        bound: Bound of the step [s].
+    """
+    time = bodies.scene.time
+    limit = time.safety * bound
+    if not bodies_followed(bodies):
+        return float(time.output_interval / np.ceil(time.output_interval / limit)), None
+    span = time.output_interval / max(1, round(time.output_interval / (LOOK * limit)))
+    return even_step(span, limit), span
+
+
+def even_step(span: float, limit: float) -> float:
+    """Return the longest step up to a limit that a span is a whole number of [s]."""
+    return float(span / np.ceil(span / limit * (1 - 1e-12)))  # round-off decides nothing
 
 
 def damped_bound(

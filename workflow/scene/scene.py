@@ -121,6 +121,7 @@ class Scene(Section):
             *self._empty_loads(),
             *self._unfit_contacts(),
             *self._unfit_friction(),
+            *self._unfit_step(),
         ]:
             raise ValueError("\n".join(wrong))
         if self.rolling:
@@ -237,6 +238,16 @@ class Scene(Section):
         for i, load in enumerate(self.loads):
             if not {"traction", "pressure"} & load.model_fields_set:
                 yield f"loads.{i}: expected traction or pressure [Pa], got neither"
+
+    def _unfit_step(self) -> Iterator[str]:
+        """Yield a line if the step is to follow the shape of bodies that there are not."""
+        large = [b for b in self.bodies.values() if b.kinematics == "total-lagrangian"]
+        if self.time.follow_shape and not any(b.material.law in MEMORY for b in large):
+            yield (
+                "time.follow_shape = true: expected a body with kinematics 'total-lagrangian' "
+                f"whose law has a memory, {' or '.join(map(repr, MEMORY))}, got none; elastic laws "
+                "stiffen and soften with their strain, which their shape does not tell"
+            )
 
     def _unfit_contacts(self) -> Iterator[str]:
         """Yield a line for every contact of a surface with itself."""

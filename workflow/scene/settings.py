@@ -289,6 +289,10 @@ class Time(Section):
     """What the step is measured against: the assembled system with its springs, or the stiffest
     cell, 20 to 50 % shorter.
     """
+    follow_shape: bool | None = Field(default=None, examples=[True])
+    """Whether the step falls where cells of bodies with a memory, in large strain, are flattened;
+    left out, it does where there are such bodies.
+    """
     precision: Literal["float64", "float32"] = "float64"
     """Precision of the internal forces in time; all else is computed in float64."""
 

@@ -33,6 +33,7 @@ from workflow.simulation.prescribed import hold_of
 from workflow.simulation.progress import Clock
 
 if TYPE_CHECKING:
+    from workflow.simulation.following import Following
     from workflow.simulation.sampling import Sampling
 
 Arrays = dict[str, npt.NDArray[Any]]
@@ -165,6 +166,7 @@ class Keeper:
     """Writes the checkpoints of a run.
 
     Attributes:
+        first_step: The step that the run began with [s].
         mesh_end: The ``time.end`` that the mesh was made for [s].
         before: Wall time of the run up to the last checkpoint it was resumed from [s].
     """
@@ -175,12 +177,14 @@ class Keeper:
         ledger: Ledger,
         results: Results,
         sampling: "Sampling | None",
+        following: "Following | None",
         clock: Clock,
         point: Checkpoint | None,
         began: float,
     ) -> None:
         self.model, self.ledger, self.results = model, ledger, results
-        self.sampling, self.clock, scene = sampling, clock, model.scene
+        self.sampling, self.following, self.clock = sampling, following, clock
+        self.first_step, scene = model.dt, model.scene
         self.mesh_end: float = point.about["mesh_end"] if point else scene.time.end
         self.before: float = point.about["wall"] if point else 0.0
         self.began, self.last = began, time.perf_counter()
@@ -212,7 +216,9 @@ class Keeper:
             return self._write()
 
     def _write(self) -> str | None:
-        arrays = collect(self.model, self.ledger, self.results.trackers, self.sampling)
+        keepers = {f"tracker/{name}": kept for name, kept in self.results.trackers.items()}
+        keepers |= {"samples": self.sampling, "following": self.following}
+        arrays = collect(self.model, self.ledger, keepers)
         comm, error = self.model.domain.msh.comm, None
         if comm.rank == 0:
             arrays["about"] = np.frombuffer(json.dumps(self._about()).encode(), dtype=np.uint8)
@@ -238,7 +244,7 @@ class Keeper:
             "mesh": self._mesh,
             "mesh_end": self.mesh_end,
             "laws": model.own_laws,
-            "dt": model.dt,
+            "dt": self.first_step,
             "t": model.state.t,
             "step": model.state.step,
             "ranks": model.domain.msh.comm.size,
@@ -259,25 +265,21 @@ def write(folder: Path, arrays: Arrays) -> None:
     atomic.replace(path, content.getvalue())
 
 
-def collect(
-    model: Model, ledger: Ledger, trackers: Mapping[str, Any], sampling: "Sampling | None"
-) -> Arrays:
+def collect(model: Model, ledger: Ledger, others: Mapping[str, Any]) -> Arrays:
     """Return the memory of a run between two steps, whole on rank 0; collective.
 
     Args:
         model: The model, its acceleration in place.
         ledger: Its energies so far.
-        trackers: What follows the patches of each pair, on rank 0.
-        sampling: Its samples, if it samples.
+        others: What has a memory besides items, by name: what follows the patches of each pair,
+            on rank 0, samples, what the step follows. None where there is none.
     """
     state, domain = model.state, model.domain
     fields = {"u": state.u.x.array, "v": state.v.x.array, "a": state.a.array}
     arrays = {name: domain.gather(local) for name, local in fields.items()}
     arrays["time"] = np.array([state.t, state.step])
     keepers = dict(items_by_name(model))
-    keepers |= {f"tracker/{name}": tracker for name, tracker in trackers.items()}
-    if sampling is not None:
-        keepers["samples"] = sampling
+    keepers |= others
     for name, keeper in keepers.items():
         memory = keeper.memory() if hasattr(keeper, "memory") else {}
         arrays |= {f"{name}/{key}": array for key, array in memory.items()}
@@ -291,12 +293,20 @@ def items_by_name(model: Model) -> Iterator[tuple[str, Any]]:
     yield "hold", model.hold
 
 
-def restore(model: Model, ledger: Ledger, sampling: "Sampling | None", arrays: Arrays) -> None:
+def restore(
+    model: Model,
+    ledger: Ledger,
+    sampling: "Sampling | None",
+    following: "Following | None",
+    arrays: Arrays,
+) -> None:
     """Go on from what :func:`collect` returned, the same arrays on every rank; collective."""
     state, domain = model.state, model.domain
     state.u.x.array[:] = arrays["u"][domain.nodes].ravel()
     state.v.x.array[:] = arrays["v"][domain.nodes].ravel()
     state.t, state.step = float(arrays["time"][0]), int(arrays["time"][1])
+    if following is not None:
+        following.restore(part(arrays, "following/"))
     model.hold = hold_of(model)
     recall(model, arrays)
     # Items count work between two calls: each is asked for the force of the present state, which

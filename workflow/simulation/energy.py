@@ -26,11 +26,11 @@ class Ledger:
     energy that far below zero is therefore counted as the error.
 
     A contact that goes wrong makes or takes a share of what passes through it, which is little
-    beside the motion of a fast body. The *work of the contact* is what friction, landings and
-    dampers of contacts have taken, and the most that contact springs and the strain of the bodies
-    have held: contact has pressed it into them, or made it out of their motion. It is the same in
-    every moving frame. The *guarded error* is the imbalance over that work, without contact over
-    the reference energy.
+    beside the motion of a fast body. The *work of the contact* is what friction, landings, dampers
+    of contacts and plastic flow have taken, and the most that contact springs and the strain of the
+    bodies have held: contact has pressed it into them, or made it out of their motion. It is the
+    same in every moving frame. The *guarded error* is the imbalance over that work, without contact
+    over the reference energy.
 
     Attributes:
         contact_work: Work of the contact so far, 0 without contact [J].
@@ -64,7 +64,7 @@ class Ledger:
             return self.reference
         self.held = max(self.held, energy.internal + energy.hourglass + energy.contact)
         landings = sum(abs(pair.damping_dissipation) for pair in pairs)
-        self.contact_work = self.held + energy.friction_dissipation + landings
+        self.contact_work = self.held + energy.friction_dissipation + landings + taken(energy)
         return max(self.contact_work, FLIGHT * self.reference)
 
     def memory(self) -> dict[str, Array]:
@@ -115,8 +115,13 @@ def exchanged(energy: Energy, ride: float) -> float:
         + energy.contact
         + energy.friction_dissipation
         + energy.damping
-        + sum(abs(e) for name, e in energy.own.items() if not name.endswith("work"))
+        + taken(energy)
     )
+
+
+def taken(energy: Energy) -> float:
+    """Energy that a law or item beside the ledger's own terms holds or has lost [J]."""
+    return sum(abs(e) for name, e in energy.own.items() if not name.endswith("work"))
 
 
 def blown_up(energy: Energy, start: Energy) -> bool:

@@ -143,6 +143,17 @@ class Hold:
         for carried, before in zip(self.carried, free, strict=True):
             carried.steer(a, before)
 
+    def retime(self, dt: float) -> None:
+        """Go on with another step [s].
+
+        The way of a moved surface is then off by the third derivative of its place times a sixth
+        of the difference of the squares of both steps in speed.
+        """
+        for carried in self.carried:
+            carried.dt = dt
+        for mover in self.moved:
+            mover.dt = dt
+
     def energy(self, state: State) -> dict[str, float]:
         """Return the work of what holds the nodes on their way [J]; collective."""
         work = sum(c.work for c in self.carried) + sum(m.work for m in self.moved)

@@ -105,11 +105,11 @@ class Progress:
                 self.objects.write(json.dumps(strict(entry)) + "\n")
                 self.objects.flush()
 
-    def start(self, model: "Model", last: int) -> None:
-        """Begin the progress line of a run from where it stands to its last step."""
-        self.dt, self.first, self.last = model.dt, model.state.step, last
+    def start(self, model: "Model", end: float) -> None:
+        """Begin the progress line of a run from where it stands to its last time [s]."""
+        self.model, self.first, self.end = model, model.state.step, end
         self.clock.current = "stepping"
-        self.log(f"stepping: {last - self.first} steps of {self.dt * 1e9:.1f} ns")
+        self.log(f"stepping: {self.last - self.first} steps of {model.dt * 1e9:.1f} ns")
         self.began = self.told = time.perf_counter()
         if self.console is None:
             return
@@ -120,9 +120,15 @@ class Progress:
         ahead = bar.BarColumn(), bar.TaskProgressColumn(), rate, bar.TimeRemainingColumn()
         self.bar = bar.Progress(clock, *ahead, state, console=self.console, auto_refresh=False)
         self.task = self.bar.add_task(
-            "", total=last, completed=self.first, clock="", rate="", state=""
+            "", total=self.last, completed=self.first, clock="", rate="", state=""
         )
         self.bar.start()
+
+    @property
+    def last(self) -> int:
+        """Number of the last step, if the step stays what it is."""
+        state = self.model.state
+        return state.step + round((self.end - state.t) / self.model.dt)
 
     def step(self, step: int) -> None:
         """Move the line on, a few times a second at most; the log once a minute at least."""
@@ -136,8 +142,9 @@ class Progress:
             self.bar.update(
                 self.task,
                 completed=step,
-                clock=f"t = {step * self.dt * 1e3:.3f} ms",
-                rate=f"{self.rate(step):.0f} steps/s of {self.dt * 1e9:.1f} ns",
+                total=self.last,
+                clock=f"t = {self.model.state.t * 1e3:.3f} ms",
+                rate=f"{self.rate(step):.0f} steps/s of {self.model.dt * 1e9:.1f} ns",
                 state=self.state,
                 refresh=True,
             )
@@ -160,17 +167,18 @@ class Progress:
         self, step: int, state: str = "", history: Mapping[str, float] | None = None
     ) -> None:
         """Keep a line of the log: time, step, rate, time remaining, and the state if given."""
-        self.told, rate = time.perf_counter(), self.rate(step)
-        left = (self.last - step) / rate if rate > 0 else None
+        self.told, rate, last = time.perf_counter(), self.rate(step), self.last
+        t, dt = self.model.state.t, self.model.dt
+        left = (last - step) / rate if rate > 0 else None
         self._keep(
-            f"t = {step * self.dt * 1e3:.4f} ms, step {step} of {self.last}, "
-            f"{rate:.0f} steps/s, dt = {self.dt * 1e9:.1f} ns, "
+            f"t = {t * 1e3:.4f} ms, step {step} of {last}, "
+            f"{rate:.0f} steps/s, dt = {dt * 1e9:.1f} ns, "
             f"{'starting' if left is None else f'{left:.0f} s left'}{state}",
             numbers={
-                "t": step * self.dt,
+                "t": t,
                 "step": step,
-                "steps": self.last,
-                "dt": self.dt,
+                "steps": last,
+                "dt": dt,
                 "steps_per_second": rate,
                 "seconds_left": left,
                 **(history or {}),

@@ -16,6 +16,7 @@ from dolfinx import la
 
 from meshes.arrays import Array, Index
 from workflow.model import Model
+from workflow.simulation.stepping import due
 
 if TYPE_CHECKING:
     from workflow.results.footprints import Touch
@@ -32,18 +33,18 @@ class Reactions:
 
     Args:
         model: The model, in motion.
-        every: Steps from output to output.
     """
 
-    def __init__(self, model: Model, every: int) -> None:
-        self.model, self.every, self.hold = model, every, model.hold
+    def __init__(self, model: Model) -> None:
+        self.model, self.hold = model, model.hold
+        self.interval = model.scene.time.output_interval
         supports = model.supports
         self._mass = [model.mass.array[::3][dofs] for dofs in supports.dofs]
         self._forces = np.zeros(len(supports.dofs))
 
     def __call__(self, a: la.Vector) -> None:
         """Impose what the model holds on an acceleration, in place; take the forces if due."""
-        if self.model.state.step % self.every:
+        if not due(self.model.state.t, self.interval, self.model.dt):
             self.hold(a)
             return
         left = a.array.copy()

@@ -36,6 +36,7 @@ from workflow.simulation.threads import one_per_rank
 if TYPE_CHECKING:
     from contact.friction import Law as FrictionLaw
     from forms.memory import MemoryLaw
+    from workflow.simulation.following import Following
     from workflow.simulation.sampling import Sampling
 
 Log = Callable[[str], Any]
@@ -54,6 +55,7 @@ class Job:
     progress: Progress
     energy: Energy | None = None
     error: float = 0.0
+    following: "Following | None" = None
     summary: dict[str, Any] = field(default_factory=dict)
     asked: Callable[[], int] = lambda: 0  # the signal that asks this rank to end, or 0
 
@@ -152,8 +154,9 @@ def prepared(
     sampling, ledger = sampler(model), Ledger(model)
     results = Results(folder, model.scene, model.domain, point.resume() if point else None)
     progress.keep_in(folder, objects=model.scene.output.log == "json")
-    keeper = checkpoint.Keeper(model, ledger, results, sampling, clock, point, began)
-    return Job(model, results, ledger, sampling, keeper, clock, progress)
+    following = follower(model, clock)
+    keeper = checkpoint.Keeper(model, ledger, results, sampling, following, clock, point, began)
+    return Job(model, results, ledger, sampling, keeper, clock, progress, following=following)
 
 
 def sampler(model: Model) -> "Sampling | None":
@@ -163,6 +166,16 @@ def sampler(model: Model) -> "Sampling | None":
     from workflow.simulation.sampling import Sampling
 
     return Sampling(model)
+
+
+def follower(model: Model, clock: Clock) -> "Following | None":
+    """Return what lets the step follow the shape of cells, imported only where it does."""
+    if model.span is None:
+        return None
+    from workflow.simulation.following import Following
+
+    with clock.phase("compile"):
+        return Following(model)
 
 
 @contextmanager
@@ -183,6 +196,7 @@ def concluded(job: Job) -> Iterator[None]:
         raise ranks.Alone(f"rank {comm.rank}: {told}") from failure
     model, clock, wall = job.model, job.clock, job.keeper.wall
     job.summary = summarise(model, job.energy, job.error, status, clock, wall)
+    job.summary["step_changes"] = job.following.tables() if job.following is not None else []
     conclude(job)
     if isinstance(failure, RuntimeError | MemoryError) and not isinstance(failure, GuardError):
         # no room for results; a node went through, or is nowhere
@@ -253,7 +267,7 @@ def begin(job: Job) -> None:
 
 def take_up(job: Job, point: checkpoint.Checkpoint) -> None:
     """Bring the model to the state of a checkpoint."""
-    checkpoint.restore(job.model, job.ledger, job.sampling, point.arrays)
+    checkpoint.restore(job.model, job.ledger, job.sampling, job.following, point.arrays)
     for phase, seconds in point.about["seconds"].items():
         job.clock.seconds[phase] += seconds
     ranks, state = point.about["ranks"], job.model.state
@@ -269,12 +283,11 @@ def steps(
     """Step to the end; yield energies and balance error at every output."""
     model, progress, state = job.model, job.progress, job.model.state
     scene = model.scene
-    per_output = round(scene.time.output_interval / model.dt)
+    interval, end = scene.time.output_interval, end_of(model)
     for line in job.sampling.lines() if job.sampling is not None else ():
         progress.note(line)
-    progress.start(model, round(scene.time.end / model.dt))
-    watched = guards.Watch(model)
-    end, reactions = round(scene.time.end / model.dt) * model.dt, Reactions(model, per_output)
+    progress.start(model, end)
+    watched, reactions = guards.Watch(model), Reactions(model)
     hold = reactions if model.supports.dofs else None
     stepped = stepping.steps(model, end, job.clock, hold=hold, resumed=resumed)
     for _ in interruptible(job, stepped):
@@ -284,7 +297,7 @@ def steps(
             job.sampling.step()
         if watch is not None:
             watch(model)
-        if state.step % per_output == 0:
+        if stepping.due(state.t, interval, model.dt):
             with job.clock.phase("output"):
                 energy, error = job.ledger.measure()
                 history = output(model, job.results, energy, error, job.ledger, reactions)
@@ -299,11 +312,32 @@ def steps(
         elif state.step % scene.guards.check_interval == 0:
             job.ledger.measure()
             watched.check(job.ledger)
+        if job.following is not None:
+            follow(job, job.following)
         if told := job.keeper.step():
             progress.log(told)
         progress.step(state.step)
     if told := job.keeper.end():
         progress.log(told)
+
+
+def end_of(model: Model) -> float:
+    """Return the time of the last step [s]: of a step that may change, the end of a span."""
+    unit = model.dt if model.span is None else model.span
+    return round(model.scene.time.end / unit) * unit
+
+
+def follow(job: Job, following: "Following") -> None:
+    """Let the step follow the shape of cells, where a look at it is due, and log a change."""
+    model = job.model
+    if model.span is None or not stepping.due(model.state.t, model.span, model.dt):
+        return
+    with job.clock.phase("update"):
+        told = following.look()
+    if told is not None:
+        job.progress.log(told)
+        if job.sampling is not None:
+            job.sampling.retime(model.dt)
 
 
 def interruptible(job: Job, stepped: Iterator[Any]) -> Iterator[Any]:

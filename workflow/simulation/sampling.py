@@ -30,6 +30,7 @@ from workflow.results.writer import Results
 from workflow.scene import SceneError
 from workflow.scene.settings import Probe
 from workflow.simulation.rolling import spin
+from workflow.simulation.stepping import due
 
 if TYPE_CHECKING:
     from contact import ContactPair
@@ -58,6 +59,22 @@ def place(probe: Probe, domain: Domain, mass: Array) -> tuple[Index, Array]:
     return nodes, mass[nodes] / mass[nodes].sum()
 
 
+class Window:
+    """The window that samples are means over.
+
+    Attributes:
+        every: First steps in it.
+        interval: Its length [s].
+        weight: The present step over the first [-].
+    """
+
+    def __init__(self, model: Model, interval: float) -> None:
+        unit = model.dt if model.span is None else model.span
+        steps = 1 if model.span is None else round(model.span / model.dt)
+        self.every = steps * max(1, round(interval / unit))
+        self.interval, self.weight, self.first = self.every * model.dt, 1.0, model.dt
+
+
 class ProbeSampler:
     """One probe: means of its motion over windows, this rank's part.
 
@@ -82,25 +99,25 @@ class ProbeSampler:
             return np.asarray(self.share @ v)
         return np.asarray(self.share @ state.u.x.array.take(index))
 
-    def follow(self, weight: float = 1.0) -> None:
+    def follow(self, weight: float) -> None:
         """Take the present step into the window, a mean by the trapezoidal rule."""
         if self.every_step:
             self.sum += weight * self.now()
 
-    def close(self, every: int) -> Array:
+    def close(self, window: "Window") -> Array:
         """Return the mean over the window that ends now, and begin the next, shape ``(3,)``."""
         if self.every_step:
-            mean = (self.sum + self.now() / 2) / every
-            self.begin()
+            mean = (self.sum + window.weight * self.now() / 2) / window.every
+            self.begin(window)
             return np.asarray(mean)
         before = self.start
         self.start = self.now()
-        return (self.start - before) / (every * self.dt)
+        return (self.start - before) / window.interval
 
-    def begin(self) -> None:
+    def begin(self, window: "Window") -> None:
         """Begin a window now."""
         now = self.now()
-        self.start, self.sum = now, now / 2
+        self.start, self.sum = now, window.weight * now / 2
 
 
 class ContactSampler:
@@ -123,7 +140,7 @@ class ContactSampler:
         total = np.array([self.pair.normal_resultant, self.pair.tangential_force])
         return total, touching, force
 
-    def follow(self, weight: float = 1.0) -> None:
+    def follow(self, weight: float) -> None:
         """Take the present step into the window."""
         total, touching, force = self.now()
         if weight != 1.0:
@@ -132,39 +149,38 @@ class ContactSampler:
         self.total += total
         self.nodal[touching] += force
 
-    def close(self, every: int) -> tuple[Array, Index, Array]:
+    def close(self, window: "Window") -> tuple[Array, Index, Array]:
         """Return the means over the window that ends now, and begin the next.
 
         Total ``(2, 3)`` [N]; mesh nodes that touched ``(m,)`` and their forces ``(m, 6)`` [N].
         """
-        self.follow(0.5)
+        self.follow(window.weight / 2)
         touched = np.flatnonzero(self.nodal.any(axis=1))
         nodes = self.side.contactor.nodes[touched]
-        means = self.total / every, nodes, self.nodal[touched] / every
-        self.begin()
+        means = self.total / window.every, nodes, self.nodal[touched] / window.every
+        self.begin(window)
         return means
 
-    def begin(self) -> None:
+    def begin(self, window: "Window") -> None:
         """Begin a window now."""
         self.total[:] = 0.0
         self.nodal[:] = 0.0
-        self.follow(0.5)
+        self.follow(window.weight / 2)
 
 
 class Sampling:
     """Samples probes and contact pairs of a run; all ranks call it alike.
 
     Attributes:
-        every: Steps of a window.
+        window: What the samples are means over.
         written: Samples that are in the results already.
     """
 
     def __init__(self, model: Model) -> None:
         scene, domain = model.scene, model.domain
         assert scene.output.sample_interval is not None
-        self.every = max(1, round(scene.output.sample_interval / model.dt))
+        self.window = Window(model, scene.output.sample_interval)
         self.model, self.written, self.open = model, 0, False
-        self.interval = self.every * model.dt
         comm = domain.msh.comm
         mass = np.zeros(len(domain.source.points))
         if any(p.region is not None and p.point is None for p in scene.probes):
@@ -185,8 +201,8 @@ class Sampling:
 
     def lines(self) -> list[str]:
         """Say what is sampled, for the log."""
-        points = self.model.domain.source.points
-        told = [f"sampled: means over {self.every} steps, {self.interval * 1e6:.3f} us"]
+        points, window = self.model.domain.source.points, self.window
+        told = [f"sampled: means over {window.every} steps, {window.interval * 1e6:.3f} us"]
         for sampler in self.probes:
             probe, n = sampler.probe, len(sampler.nodes)
             where = f"mean of the {n} nodes of {probe.surface or probe.region}"
@@ -201,27 +217,41 @@ class Sampling:
 
     def step(self) -> None:
         """Take in the present step, its forces in place; close the window if it is full."""
-        edge = self.model.state.step % self.every == 0
+        window = self.window
+        edge = due(self.model.state.t, window.interval, self.model.dt)
         if edge and self.open:
             self._close()
         elif edge:
             for sampler in self.probes:
-                sampler.begin()
+                sampler.begin(window)
             for contact in self.contacts.values():
-                contact.begin()
+                contact.begin(window)
             self.open = True
         elif self.open:
-            for sampler in self.busy:
-                sampler.follow()
-            for contact in self.contacts.values():
-                contact.follow()
+            self._take(window.weight)
+
+    def retime(self, dt: float) -> None:
+        """Go on with another step from the present state, half of whose weight it is [s]."""
+        weight = dt / self.window.first
+        self._take((weight - self.window.weight) / 2 if self.open else 0.0)
+        self.window.weight = weight
+        for sampler in self.probes:
+            sampler.dt = dt
+
+    def _take(self, weight: float) -> None:
+        """Take the present state into the open windows."""
+        for sampler in self.busy:
+            sampler.follow(weight)
+        for contact in self.contacts.values():
+            contact.follow(weight)
 
     def _close(self) -> None:
-        self.t.append(self.model.state.t - self.interval / 2)
+        window = self.window
+        self.t.append(self.model.state.t - window.interval / 2)
         if self.probes:
-            self.motion.append(np.array([sampler.close(self.every) for sampler in self.probes]))
+            self.motion.append(np.array([sampler.close(window) for sampler in self.probes]))
         for name, contact in self.contacts.items():
-            self.force[name].append(contact.close(self.every))
+            self.force[name].append(contact.close(window))
 
     def append(self, results: Results) -> None:
         """Add to the results what was sampled since the last time; collective, as an output."""
@@ -267,7 +297,7 @@ class Sampling:
         )
         for name, contact in self.contacts.items():
             waiting |= {f"{name}/sum": contact.total.copy(), f"{name}/sums": contact.nodal.copy()}
-        return waiting | {"every": np.array([self.every, self.written, self.open])}
+        return waiting | {"every": np.array([self.window.every, self.written, self.open])}
 
     def restore(self, memory: dict[str, npt.NDArray[Any]]) -> None:
         """Go on from what :meth:`memory` returned, the same on every rank; any number of ranks.
@@ -278,16 +308,18 @@ class Sampling:
         if not memory:  # sampling begins here
             return
         every, self.written, opened = map(int, memory["every"])
-        if every != self.every:
+        if every != self.window.every:
             raise SceneError(
-                f"output.sample_interval: {self.every} steps, expected {every} as in the "
+                f"output.sample_interval: {self.window.every} steps, expected {every} as in the "
                 "checkpoint; a run that is resumed keeps its interval or leaves it out"
             )
         self.open, self.t = bool(opened), list(memory["t"])
+        self.window.weight = self.model.dt / self.window.first
         comm = self.model.domain.msh.comm
         motion, start = (self._mine(memory[key], comm) for key in ("motion", "start"))
         self.motion = list(motion) if self.probes else []
         for sampler, (before, sums) in zip(self.probes, start, strict=True):
+            sampler.dt = self.model.dt
             sampler.start, sampler.sum = before.copy(), sums.copy()
         for name, contact in self.contacts.items():
             contact.total[:], contact.nodal[:] = memory[f"{name}/sum"], memory[f"{name}/sums"]
@@ -307,7 +339,7 @@ class Sampling:
 def _record(sampling: Sampling, arrays: dict[str, npt.NDArray[Any]]) -> Iterator[Item]:
     """Yield samples as they go into a results file."""
     about = "means over windows of that length [s], t in their middle"
-    yield note("probes", interval=sampling.interval, about=about, **_rolling(sampling))
+    yield note("probes", interval=sampling.window.interval, about=about, **_rolling(sampling))
     yield rows("probes/t", arrays["t"], "s")
     points = sampling.model.domain.source.points
     for i, sampler in enumerate(sampling.probes):

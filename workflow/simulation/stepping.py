@@ -63,6 +63,7 @@ def steps(
         dead=sum((item.nodal for item in dead), np.zeros(3 * model.domain.owned)),
         last=around(withheld, [timed(item) for item in last]),
         resumed=resumed,
+        step=None if model.span is None else lambda: model.dt,
     )
     if clock is not None:
         others = sum(clock.seconds.values()) - busy
@@ -85,6 +86,7 @@ def central_difference(
     dead: npt.NDArray[np.float64] | None = None,
     resumed: bool = False,
     last: Iterable[Load] = (),
+    step: Callable[[], float] | None = None,
 ) -> Iterator[State]:
     """Yield the state at every step from now to ``t_end``, forces and acceleration in place.
 
@@ -98,6 +100,7 @@ def central_difference(
         moving: What moves beside the mesh by ``back(dt)`` and ``step(dt)``, as point masses do.
         dead: Constant force on the owned dofs that every step starts from [N]; none: zero.
         last: Loads that read the sum of all others, complete on owned dofs, and add to these only.
+        step: The step from the state that was yielded last, if it changes (:func:`retime`) [s].
         resumed: The state is one that was yielded, acceleration included: go on with its kick.
     """
     per_mass = 1.0 / mass.array_r  # a product costs a fifth of a quotient
@@ -125,6 +128,8 @@ def central_difference(
                 start = False
             yield state
         known = False
+        if step is not None:
+            dt = step()
         if state.t > t_end - dt / 2:
             return
         lib.nd_advance(n, dt, pointer(constant), *owned)  # kick, drift, and a = constant
@@ -136,6 +141,40 @@ def central_difference(
         state.v.x.scatter_forward()
         state.t += dt
         state.step += 1
+
+
+def retime(model: "Model", dt: float) -> None:
+    """Let a model go on with another step from the state that was yielded, in place.
+
+    The velocity is brought from half an old step before t to half a new one, so that the kick over
+    the new step brings it on by the mean of both: the velocity at t, and with it momentum and
+    kinetic energy there, stay what they are.
+
+    Args:
+        model: The model, its acceleration in place.
+        dt: The new step [s].
+    """
+    state, shift = model.state, (model.dt - dt) / 2
+    n = 3 * model.domain.owned
+    state.v.x.array[:n] += shift * state.a.array[:n]
+    state.v.x.scatter_forward()
+    model.dt = dt
+    for item in (*model.items, model.hold):
+        if hasattr(item, "back"):
+            item.back(-shift)
+        if hasattr(item, "retime"):
+            item.retime(dt)
+
+
+def due(t: float, interval: float, dt: float) -> bool:
+    """Tell whether a time of the steps, of which some fall on its multiples, ends an interval.
+
+    Args:
+        t: The time [s].
+        interval: The interval [s].
+        dt: The step that led to it, or the one that follows [s].
+    """
+    return abs(t - round(t / interval) * interval) < dt / 2
 
 
 def no_hold(a: Any) -> None:

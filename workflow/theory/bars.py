@@ -23,7 +23,7 @@ from workflow.theory.assumptions import (
     velocity,
     yielding,
 )
-from workflow.theory.quantity import ENERGY, MOMENTUM, WAVES, Expected
+from workflow.theory.quantity import ENERGY, MOMENTUM, TAYLOR, WAVES, Expected
 
 GONE = 1.1  # of the contact time, after which a bar has left
 
@@ -143,6 +143,38 @@ def yielding_bar_on_wall(record: Record) -> Iterator[Expected]:
     t, force, _ = readings.forces(record)
     name = "stress on the wall, Y + ρ c_p (v − Y/(ρ c))"
     yield from _plateau(t, force, hit, name, "Pa", mesh.width**2)
+
+
+COPPER = (117e9, 0.35, 8930.0, 400e6, 100e6)  # E, ν, ρ, yield stress, hardening
+FLIGHT = (0.0324, 0.0032, 227.0, 80e-6)  # length, radius, speed, time
+
+
+def taylor_bar(record: Record) -> Iterator[Expected]:
+    """Answers for Taylor's copper bar, 32.4 mm long and 3.2 mm in radius, at 227 m/s after 80 µs.
+
+    Assumes a bar along x that flies into a rigid frictionless wall across its way.
+    """
+    scene, body = record.checked, record.body
+    if scene.mesh.regions != ("bar",) or body is None or not bare(scene) or not undamped(scene):
+        return
+    steel, contact = yielding(scene, "bar"), only_contact(scene, "face")
+    if steel is None or contact is None or contact.friction or scene.loads or scene.driven:
+        return
+    elastic = steel.youngs_modulus, steel.poisson_ratio, steel.density
+    own = (*elastic, steel.yield_stress, steel.hardening_modulus)
+    if steel.back_stresses or steel.saturation_stress or not np.allclose(own, COPPER, rtol=1e-9):
+        return
+    X = body.points
+    speed, across, up = velocity(scene, "bar")
+    size = np.ptp(X[:, 0]), np.hypot(X[:, 1], X[:, 2]).max()
+    if across or up or not np.allclose((*size, -speed, readings.until(record)), FLIGHT, rtol=1e-3):
+        return
+    x = X + record.displacement(readings.until(record))
+    face = X[:, 0] < X[:, 0].min() + 1e-6 * size[0]
+    rim = face & (np.hypot(X[:, 1], X[:, 2]) > 0.999 * size[1])
+    yield Expected("final length", "m", float(np.ptp(x[:, 0])), 21.425e-3, TAYLOR)
+    radius = float(np.hypot(x[rim, 1], x[rim, 2]).mean())
+    yield Expected("radius of the face, mean along its rim", "m", radius, 7.22e-3, TAYLOR)
 
 
 def two_bars(record: Record) -> Iterator[Expected]:

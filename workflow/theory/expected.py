@@ -60,9 +60,11 @@ def theories(scene: Scene) -> tuple[Answers, ...]:
 
             return struck, shifted, carter, creep_force, half_space_code, hertz_contact
         case _ if isinstance(scene.mesh, Foreign):
+            from workflow.theory.bars import taylor_bar
             from workflow.theory.smooth import hertz_contact
+            from workflow.theory.yielding_sphere import flattened_sphere
 
-            return (hertz_contact,)
+            return taylor_bar, flattened_sphere, hertz_contact
         case HollowSphereMesh():
             from workflow.theory.spheres import yielding_sphere
 

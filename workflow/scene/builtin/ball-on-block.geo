@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: LGPL-3.0-or-later
 // A quarter of the lower half of a ball on a quarter of a block, hexahedra by transfinite meshing.
 // The half ball is an inner block and three that join it to the sphere: below, along x, along y.
+// Without a block (block = 0) it is for a scene of its own, against a rigid wall.
 DefineConstant[ radius = 0.01 ];   // m, of the ball
 DefineConstant[ width = 0.006 ];   // m, of the block, and its height
 DefineConstant[ size = 0.00006 ];  // m, edge of the cells at the contact
 DefineConstant[ growth = 1.3 ];    // from cell to cell away from it
+DefineConstant[ block = 1 ];       // whether there is one
 
 s = 0.78 * radius;   // of the inner block: along its axes, to its edges and to its corner
 d = 0.62 * radius;
@@ -96,6 +98,7 @@ Surface Loop(3) = {5, 8, 13, 14, 16, 18};   Volume(3) = {3};
 Surface Loop(4) = {6, 9, 11, 15, 17, 18};   Volume(4) = {4};
 
 // block: its own nodes, so that both bodies are free to part
+If (block)
 For i In {0 : 1}
   Point(31 + 4 * i) = {0, 0, -i * width};
   Point(32 + 4 * i) = {width, 0, -i * width};
@@ -118,16 +121,21 @@ Curve Loop(35) = {34, 43, -38, -42};   Plane Surface(35) = {35};
 Curve Loop(36) = {32, 43, -36, -44};   Plane Surface(36) = {36};
 Surface Loop(5) = {31, 32, 33, 34, 35, 36};
 Volume(5) = {5};
+EndIf
 
 Transfinite Surface "*";
 Recombine Surface "*";
 Transfinite Volume "*";
 
 Physical Volume("ball") = {1, 2, 3, 4};
-Physical Volume("block") = {5};
 Physical Surface("cap") = {7};
 Physical Surface("zmax") = {2, 14, 15};
-Physical Surface("xmin") = {3, 10, 11, 33};
-Physical Surface("ymin") = {4, 12, 13, 34};
-Physical Surface("block_top") = {31};
-Physical Surface("block_bottom") = {32};
+Physical Surface("xmin") = {3, 10, 11};
+Physical Surface("ymin") = {4, 12, 13};
+If (block)
+  Physical Volume("block") = {5};
+  Physical Surface("xmin") += {33};
+  Physical Surface("ymin") += {34};
+  Physical Surface("block_top") = {31};
+  Physical Surface("block_bottom") = {32};
+EndIf
