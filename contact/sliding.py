@@ -88,7 +88,9 @@ class Sliding:
         )
 
 
-def sliding(side: Pass, state: State, t: float, slip: Array | None = None) -> Sliding:
+def sliding(
+    side: Pass, state: State, t: float, slip: Array | None = None, drift: Array | None = None
+) -> Sliding:
     """Return the contacts of a pass that bear forces in the present state; collective.
 
     Args:
@@ -97,6 +99,7 @@ def sliding(side: Pass, state: State, t: float, slip: Array | None = None) -> Sl
         t: Time at which the law of friction is taken [s].
         slip: Velocity of the contactor against the target in place of that of ``state``, of which
             each contact has the part along its target, shape ``(3,)`` [m/s].
+        drift: Velocity of the contactor besides, shape ``(3,)`` [m/s].
 
     Raises:
         ValueError: if a contact has no slip, or the law does not hold there.
@@ -105,6 +108,7 @@ def sliding(side: Pass, state: State, t: float, slip: Array | None = None) -> Sl
     h, on = side.contact_state, springs.gap < 0.0
     c, normal = springs.number[on], springs.normal[on]
     w = side.velocity(c, state) if slip is None else np.broadcast_to(slip, normal.shape)
+    w = w if drift is None else w + drift
     w = w - np.einsum("ma,ma->m", w, normal)[:, None] * normal
     speed = np.linalg.norm(w, axis=1)
     if (still := speed < STILL).any():

@@ -210,6 +210,7 @@ def find_modes(scene: Scene, folder: Path, as_json: bool, **wanted: Any) -> None
         "squealx squeal sliding-block --to 90000 --set contacts.face.friction=0.6",
         "squealx squeal mode-coupling --to 3000 --friction 0.2,0.25,0.3,0.35",
         "squealx squeal stick-slip --to 20000 --slip 4,0,0 --road projection",
+        "squealx squeal steady-curving --to 3000 --road projection --angles 0.01,0.02,0.04",
     )
 )
 def squeal(
@@ -239,6 +240,13 @@ def squeal(
     stick: Annotated[
         list[str] | None, typer.Option(help="A contact that sticks; may be repeated.")
     ] = None,
+    angles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,A,...",
+            help="Angles of attack [rad] of a wheel over which growth is mapped, with --friction.",
+        ),
+    ] = None,
     most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
     ranks: Ranks = 1,
     oversubscribe: Oversubscribe = False,
@@ -247,6 +255,7 @@ def squeal(
     """Find which modes of a sliding scene grow: complex eigenvalues, what feeds them, figures."""
     wanted: dict[str, Any] = {"top": to, "road": road, "sticking": stick or [], "most": most}
     wanted["friction"] = numbers("--friction", friction) if friction else []
+    wanted["angles"] = numbers("--angles", angles) if angles else []
     if slip is not None and len(values := numbers("--slip", slip)) != 3:
         raise SceneError(f"--slip {slip!r}: expected three velocities, got {len(values)}")
     wanted["slip"] = numbers("--slip", slip) if slip else None
@@ -256,7 +265,7 @@ def squeal(
         check_start("squeal", folder, ranks, oversubscribe)
         words = ["squeal", "--to", str(to), "--road", road, "--most", str(most)]
         words += [f"--friction={friction}"] * bool(friction) + [f"--slip={slip}"] * bool(slip)
-        words += [f"--stick={name}" for name in stick or []]
+        words += [f"--stick={name}" for name in stick or []] + [f"--angles={angles}"] * bool(angles)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
     find_squeal(checked, folder, as_json, **wanted)
 

@@ -18,8 +18,11 @@ GROWING = "#d1242f"
 def draw(result: Squeal, folder: Path) -> list[Path]:
     """Draw the figures of a sliding state into ``folder/figures`` and return their paths."""
     with style.style():
-        fig = root_locus(result.summary)
-        return [style.save(fig, folder / "figures" / "root_locus.png")]
+        paths = [style.save(root_locus(result.summary), folder / "figures" / "root_locus.png")]
+        if result.summary["map"]:
+            fig = growth_map(result.summary)
+            paths.append(style.save(fig, folder / "figures" / "growth_map.png"))
+    return paths
 
 
 def root_locus(summary: dict[str, Any]) -> "Figure":
@@ -62,6 +65,37 @@ def root_locus(summary: dict[str, Any]) -> "Figure":
     rate.set_ylabel("growth rate [1/s]")
     rate.set_xlim(pitch.get_xlim())
     fig.suptitle(f"{summary['scene']}: red grows", x=0.01, ha="left", fontsize=8)
+    return fig
+
+
+def growth_map(summary: dict[str, Any]) -> "Figure":
+    """Growth rate and frequency of the mode that grows fastest, over friction and angle of attack.
+
+    White where nothing grows. The normal forces are those of the scene, every patch slides.
+    """
+    rows = summary["map"]
+    angles = sorted({row["angle"] for row in rows})
+    friction = sorted({row["friction"] for row in rows})
+    growth, pitch = (np.full((len(angles), len(friction)), np.nan) for _ in range(2))
+    for row in rows:
+        if row.get("growth_rate", 0.0) > UNSTABLE * 2e3 * np.pi * row.get("frequency", 0.0):
+            at = angles.index(row["angle"]), friction.index(row["friction"])
+            growth[at], pitch[at] = row["growth_rate"], row["frequency"] / 1e3
+    fig = style.figure(style.PAGE, 3.0)
+    titles = ("growth rate [1/s]", "frequency [kHz]")
+    for axes, values, title, colours in zip(
+        fig.subplots(1, 2, sharey=True),
+        (growth, pitch),
+        titles,
+        ("magma_r", "viridis"),
+        strict=True,
+    ):
+        shown = axes.pcolormesh(
+            friction, 1e3 * np.array(angles), values, cmap=colours, shading="nearest"
+        )
+        fig.colorbar(shown, ax=axes, location="top", label=title, shrink=0.8)
+        axes.set_xlabel("coefficient of friction")
+    left.set_ylabel("angle of attack [mrad]")
     return fig
 
 

@@ -11,7 +11,7 @@ from contact.sliding import Sliding, sliding
 from meshes.arrays import Array, Index
 from workflow.model import Model
 from workflow.model.regions import body_at, surface_nodes
-from workflow.model.supports import supports
+from workflow.model.supports import axle, supports
 from workflow.scene.scene import SceneError
 from workflow.simulation.initial import set_in_motion
 
@@ -51,8 +51,16 @@ def in_motion(model: Model) -> None:
     v.scatter_forward()
 
 
-def faces(model: Model, slip: Array | None, sticking: Collection[str]) -> list[Face]:
+def faces(
+    model: Model, slip: Array | None, sticking: Collection[str], drift: Array | None = None
+) -> list[Face]:
     """Return the contacts of the present state that bear forces; collective.
+
+    Args:
+        model: The model.
+        slip: Velocity of contactors against targets, instead of that of the state [m/s].
+        sticking: Contacts that stick.
+        drift: Velocity of contactors besides [m/s].
 
     Raises:
         SceneError: if nothing touches or slides.
@@ -61,7 +69,7 @@ def faces(model: Model, slip: Array | None, sticking: Collection[str]) -> list[F
     for name, pair in model.pairs.items():
         for side in pair.passes:
             try:
-                on = sliding(side, model.state, model.scene.time.end, slip)
+                on = sliding(side, model.state, model.scene.time.end, slip, drift)
             except ValueError as error:
                 raise SceneError(
                     f"contacts.{name}: {error} at the start of the run; expected a velocity of "
@@ -77,6 +85,22 @@ def faces(model: Model, slip: Array | None, sticking: Collection[str]) -> list[F
             "loads, or an equilibrium.approach, that press the bodies together"
         )
     return found
+
+
+def drift_at(model: Model, angle: float) -> Array:
+    """Return what the wheel moves sideways besides at another angle of attack, ``(3,)`` [m/s].
+
+    A wheel that rolls along the rail with its plane turned by the angle slides across it at
+    ``V tan(angle)``. What it slides already is the speed of the support that leads its axle.
+
+    Args:
+        model: A wheel on a rail.
+        angle: Angle of attack [rad].
+    """
+    rolling, scene = model.scene.rolling, model.scene
+    assert rolling is not None
+    led = sum(s.velocity for s in scene.supports if s.velocity and "axle" in s.directions)
+    return np.asarray(-(rolling.speed * np.tan(angle) + led) * axle(scene))
 
 
 def patches_of(side: Pass, number: Index) -> Index:

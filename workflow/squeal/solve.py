@@ -7,7 +7,7 @@ takes the motion to be a sum of real modes without friction and of the deflectio
 the contacts. It is a small dense problem for any friction, and right as far as these shapes reach.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -17,10 +17,11 @@ from slepc4py import SLEPc
 import numpy as np
 from scipy.linalg import eig
 
-from meshes.arrays import Array
+from meshes.arrays import Array, Index
 from workflow.modes.solve import BELOW, below, direct, within
 from workflow.scene.scene import SceneError
 from workflow.squeal.pencil import Complex, Pencil, rows_of, summed, times
+from workflow.squeal.sliding import Face
 
 TOLERANCE = 1e-10  # of an eigenvalue
 SHIFT = 0.5  # over the highest frequency
@@ -175,6 +176,30 @@ class Projection:
         )
         values, vectors = eig(companion)
         return values * scale, vectors[:r]
+
+    def rubbed(self, faces: list[Face]) -> "Projection":
+        """Return the same motions with the friction of these contacts; collective."""
+        r = len(self.V)
+        K_f, C_f = np.zeros((r, r)), np.zeros((r, r))
+        for face in faces:
+            c = face.contacts
+            nodes = np.unique(c.nodes[c.nodes >= 0])
+            moves = self._moves(nodes)
+            n, t, b = (rows @ moves for rows in rows_of(face, nodes))
+            pull, slope = c.steepness[:, None], (c.normal_force * c.slope)[:, None]
+            K_f -= t.T @ (pull * c.stiffness[:, None] * n)
+            C_f += t.T @ (slope * t - pull * c.damper[:, None] * n)
+            C_f += b.T @ (c.turning[:, None] * b)
+        return replace(self, K_f=K_f, C_f=C_f)
+
+    def _moves(self, nodes: Index) -> Array:
+        """Return how HexMesh nodes move in each shape, on all ranks, shape ``(3 k, r)``."""
+        dofs = self.pencil.domain.local_dofs(nodes)
+        own = dofs >= 0
+        rows = (3 * dofs[own][:, None] + np.arange(3)).ravel()
+        whole = np.zeros((3 * len(nodes), len(self.V)))
+        whole[np.repeat(own, 3)] = self.pencil.T[rows] @ self.V.T
+        return np.asarray(self.pencil.comm.allreduce(whole))
 
     def eigen(self, top: float) -> Eigen:
         """Return the eigenvalues up to a frequency [Hz] with the friction of the scene."""

@@ -27,7 +27,7 @@ from workflow.scene.scene import Scene, SceneError
 from workflow.simulation.threads import one_per_rank
 from workflow.squeal.feeding import fed
 from workflow.squeal.pencil import Complex, Pencil, pencil
-from workflow.squeal.sliding import Face
+from workflow.squeal.sliding import Face, drift_at, faces
 from workflow.squeal.solve import Eigen, Projection, check_count, full, projection
 from workflow.squeal.steady import steady
 
@@ -38,6 +38,7 @@ RIGID = 1.0  # Hz: slower, and no faster in growth, is no vibration
 UNSTABLE = 1e-7  # growth over |λ| from which it is beyond the eigenvalues' tolerance
 SHOWN = 20  # rows of the table
 FOLLOWED = 16  # coefficients of friction
+MOST_ANGLE = 0.2  # rad: a wheel climbs long before
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,7 @@ def squeal(
     friction: Sequence[float] = (),
     slip: Sequence[float] | None = None,
     sticking: Sequence[str] = (),
+    angles: Sequence[float] = (),
     most: int = 500,
     log: Callable[[str], Any] = lambda line: None,
 ) -> Squeal:
@@ -80,6 +82,8 @@ def squeal(
             the scene's own friction; if none, and there is a folder, from 0 to the scene's own.
         slip: Velocity of contactors against targets, instead of that of the start [m/s].
         sticking: Contacts that stick.
+        angles: Angles of attack of a wheel on a rail over which, and over the coefficients of
+            friction, growth is mapped: its normal forces are those of the scene [rad].
         most: How many modes are accepted.
         log: Called with lines of progress.
 
@@ -88,22 +92,23 @@ def squeal(
         GuardError: if there is no steady state.
     """
     started = time.perf_counter()
-    check(scene, top, road, friction, sticking)
+    check(scene, top, road, friction, sticking, angles)
     with nullcontext() if out is None else occupied(out, comm, "squealx squeal") as folder:
         with one_per_rank():
             model = build(scene, comm, log)
             cells = check_cells(model, top)
-            faces = steady(model, None if slip is None else np.array(slip), sticking, log)
-            told(faces, log)
-            small = pencil(model, faces)
-            if not len(friction) and out is not None:
-                friction = np.linspace(0.0, mean_friction(faces), FOLLOWED).tolist()
+            sliding = steady(model, None if slip is None else np.array(slip), sticking, log)
+            told(sliding, log)
+            small = pencil(model, sliding)
+            if not len(friction) and (out is not None or len(angles)):
+                friction = np.linspace(0.0, mean_friction(sliding), FOLLOWED).tolist()
             count = check_count(small, top, most)
             log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
             few = projection(small, top) if road == "projection" or len(friction) else None
             eigen = few.eigen(top) if road == "projection" and few else full(small, top, count)
             table, shapes = labelled(small, up_to(eigen, top))
-            followed = locus(few, faces, friction, top) if few else []
+            followed = locus(few, sliding, friction, top) if few else []
+            mapped = over_angles(model, few, sticking, angles, friction, top) if few else []
         found = {
             "scene": scene.name,
             "road": road,
@@ -112,10 +117,11 @@ def squeal(
             "ranks": comm.size,
             "top": top,
             "cells_per_wavelength": cells,
-            "contacts": contacts_of(faces),
+            "contacts": contacts_of(sliding),
             "unstable": sum(row["kind"] != "stable" for row in table),
             "modes": table,
             "locus": followed,
+            "map": mapped,
             "wall_seconds": time.perf_counter() - started,
         }
         log(f"{found['unstable']} of {len(table)} modes grow")
@@ -126,7 +132,12 @@ def squeal(
 
 
 def check(
-    scene: Scene, top: float, road: str, friction: Sequence[float], sticking: Sequence[str]
+    scene: Scene,
+    top: float,
+    road: str,
+    friction: Sequence[float],
+    sticking: Sequence[str],
+    angles: Sequence[float],
 ) -> None:
     """Refuse what has no answer, before any work.
 
@@ -139,6 +150,12 @@ def check(
         raise SceneError(f"--road {road!r}: expected {' or '.join(ROADS)}")
     if any(not (np.isfinite(f) and f >= 0) for f in friction):
         raise SceneError(f"--friction {list(friction)}: expected coefficients >= 0")
+    if any(not abs(angle) < MOST_ANGLE for angle in angles):
+        raise SceneError(f"--angles {list(angles)}: expected angles below {MOST_ANGLE:g} rad")
+    if len(angles) and scene.rolling is None:
+        raise SceneError(
+            "--angles: expected a wheel that rolls on a rail, with [rolling]; got none"
+        )
     if unknown := sorted(set(sticking) - scene.contacts.keys()):
         raise SceneError(f"--stick {', '.join(unknown)}: expected some of {list(scene.contacts)}")
     if not scene.contacts:
@@ -254,6 +271,28 @@ def locus(
             for v in values
         ]
         found.append({"friction": float(f), "modes": modes})
+    return found
+
+
+def over_angles(
+    model: Model,
+    few: Projection,
+    sticking: Sequence[str],
+    angles: Sequence[float],
+    friction: Sequence[float],
+    top: float,
+) -> list[dict[str, Any]]:
+    """Return the mode that grows fastest at each angle of attack and coefficient of friction.
+
+    The normal forces are those of the state of the scene; which way the patches slide, and how
+    fast, is that of the angle.
+    """
+    found = []
+    for angle in angles:
+        turned = faces(model, None, sticking, drift_at(model, angle))
+        for row in locus(few.rubbed(turned), turned, friction, top):
+            most = max(row["modes"], key=lambda mode: mode["growth_rate"], default=None)
+            found.append({"angle": float(angle), "friction": row["friction"], **(most or {})})
     return found
 
 
