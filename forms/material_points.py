@@ -18,7 +18,9 @@ from ufl import as_vector, dev, inner, sqrt
 from ufl.classes import Zero
 
 from forms.cells import mean_gradient, one_point, per_point, positions, volume
+from forms.dilatation import bulk
 from forms.hourglass import Cell
+from forms.materials import VOIGT
 from forms.memory import EQUIVALENT, LargeStrain, Memory, MemoryLaw, SmallStrain, Variable
 from forms.simd.memory import History, MemoryKernel
 from meshes.arrays import Array
@@ -148,9 +150,23 @@ class Points:
         strain, history = self.point.strain(self._gradient(u), self.old)
         return function(dev(strain) if self.shape else strain, history, self.point.material)
 
+    def mean_stress(self, u: Any) -> Any:
+        """Return the Cauchy stress in UFL, six numbers in the order of ``VOIGT`` [Pa].
+
+        Over the volume element, as :meth:`beyond`.
+        """
+        H = self._gradient(u)
+        P, _, _ = self.point.stress(H, self.old, shape=self.shape)
+        F = ufl.Identity(3) + H
+        stress = ufl.dot(P, F.T) / ufl.det(F) if self.rotating else P
+        if self.shape:
+            change = ufl.det(F) - 1 if self.rotating else ufl.tr(H)
+            stress += bulk(self.point.material) * change * ufl.Identity(3)
+        return as_vector([stress[entry] for entry in VOIGT]) * per_point(self._domain)
+
     def cell_integral(self, density: Any, space: Any) -> MemoryKernel:
         """Return the kernel of a density's integral over each cell; ``space`` is DG0."""
-        form = density * ufl.TestFunction(space) * self.dx
+        form = inner(density, ufl.TestFunction(space)) * self.dx
         return MemoryKernel(form, space, self.history, dtype=self.dtype)
 
     def values(self) -> dict[str, Array]:

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Loads of a scene: gravity and tractions, damping by mass, drive torque, carried mass."""
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 import numpy as np
 import ufl
 from dolfinx import la
@@ -21,6 +24,9 @@ from workflow.model.bodies import Bodies
 from workflow.model.supports import axle
 from workflow.scene import Scene
 
+if TYPE_CHECKING:
+    from forms.travelling import TravellingLoad
+
 
 def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
     """Return gravity and tractions as a constant force."""
@@ -35,11 +41,34 @@ def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
         CellKernel(weight).add(vector)
         vector.scatter_reverse(la.InsertMode.add)
     nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
-    for load in scene.loads:
+    for load in (load for load in scene.loads if load.travelling is None):
         quads = domain.source.surface(domain.source.tag(load.surface))
         force = nodal_traction(domain.source.points, quads, np.array(load.traction))
         nodal += force[domain.nodes[: domain.owned]]
     return DeadLoad(domain.msh.comm, nodal.ravel())
+
+
+def travelling_loads(scene: Scene, domain: Domain, dt: float) -> "Iterator[TravellingLoad]":
+    """Yield the loads of a scene that travel; ``dt`` is the step [s]."""
+    for load in scene.loads:
+        if (way := load.travelling) is None:
+            continue
+        from forms.travelling import TravellingLoad, surface_shares  # with scipy's sparse matrices
+
+        quads = domain.source.surface(domain.source.tag(load.surface))
+        shares, x = surface_shares(domain.source.points, quads)
+        yield TravellingLoad(
+            comm=domain.msh.comm,
+            shares=shares[domain.nodes[: domain.owned]],
+            x=x,
+            traction=np.array(load.traction),
+            half_width=way.half_width,
+            start=way.start,
+            speed=way.velocity,
+            ramp=way.ramp,
+            until=way.until,
+            dt=dt,
+        )
 
 
 def mass_damping(bodies: Bodies, mass: Array, dt: float) -> MassDamping:

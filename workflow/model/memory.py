@@ -14,7 +14,8 @@ from forms.cells import one_point
 from forms.dilatation import dilatation, dilatation_energy
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
-from forms.memory import EQUIVALENT
+from forms.materials import VOIGT
+from forms.memory import EQUIVALENT, FLOW, PLASTIC
 from forms.plasticity import MEMORY_LAWS
 from meshes.arrays import Array
 from workflow.model.bodies import Bodies
@@ -46,6 +47,7 @@ class MemoryForce:
         body, material = bodies.scene.bodies[name], bodies.materials[name]
         domain, dx = bodies.domain, bodies.dx(bodies.tags(body))
         self.name, self.domain, self.comm = name, domain, domain.msh.comm
+        self._u = u
         rotating = body.kinematics == "total-lagrangian"
         split = body.element == "selective"
         given = bodies.memory_laws[name]
@@ -152,9 +154,36 @@ class MemoryForce:
 
         On rank 0; zero in cells of other bodies.
         """
-        own = self.points.values()[name].mean(axis=(1, 2))
+        return self._by_cell(self.points.values()[name].mean(axis=(1, 2)))
+
+    def cell_plastic_strain(self) -> Array:
+        """Return the mean plastic strain by cell of the mesh, in the order of ``VOIGT``; collective.
+
+        On rank 0, ``(cells, 6)``; zero in cells of other bodies, and of laws that have none. At
+        large strain it is ``-sym(F_p⁻¹ - I)``, whose shear is that of simple shear in any amount.
+        """
+        values = self.points.values()
+        if PLASTIC in values:
+            own = values[PLASTIC].mean(axis=1)
+        elif FLOW in values:
+            G = values[FLOW].mean(axis=1).reshape(-1, 3, 3)
+            own = -np.stack([(G[:, i, j] + G[:, j, i]) / 2 for i, j in VOIGT], axis=1)
+        else:
+            own = np.zeros((len(self._cells), len(VOIGT)))
+        return self._by_cell(own)
+
+    def cell_stress(self) -> Array:
+        """Return the mean Cauchy stress by cell of the mesh, as :meth:`cell_plastic_strain` [Pa]."""
+        Q = fem.functionspace(self.domain.msh, ("DG", 0, (len(VOIGT),)))
+        kernel = self.points.cell_integral(self.points.mean_stress(self._u), Q)
+        sums = np.zeros(len(VOIGT) * len(self._sums))
+        kernel.add(sums)
+        return self._by_cell(sums.reshape(-1, len(VOIGT))[self.points.history.cells])
+
+    def _by_cell(self, own: Array) -> Array:
+        """Return values of this rank's cells by cell of the mesh, on rank 0; collective."""
         parts = self.comm.gather((self._cells, own))
-        out = np.zeros(len(self.domain.source.cells) if parts else 0)
+        out = np.zeros((len(self.domain.source.cells) if parts else 0, *own.shape[1:]))
         for cells, values in parts or ():
             out[cells] = values
         return out

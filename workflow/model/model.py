@@ -22,7 +22,13 @@ from workflow.model.advice import doubts
 from workflow.model.bodies import Bodies, InternalForce
 from workflow.model.checks import check, check_room, check_step
 from workflow.model.geometry import domain_of, on_root
-from workflow.model.loads import carried_mass, dead_load, drive_torque, mass_damping
+from workflow.model.loads import (
+    carried_mass,
+    dead_load,
+    drive_torque,
+    mass_damping,
+    travelling_loads,
+)
 from workflow.model.state import Item, State
 from workflow.model.step import step_bound
 from workflow.model.supports import Supports, supports
@@ -57,6 +63,7 @@ class Model:
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
         doubts: What is likely to go wrong with its settings, in words.
+        left: Displacement without loads that earlier passes have left, if there were any.
         own_laws: Laws and items that are not the scene's: the name of each by body, contact or
             place in the list.
     """
@@ -74,6 +81,7 @@ class Model:
     placement: Any = None
     added_mass: "AddedMass | None" = None
     doubts: list[str] = field(default_factory=list)
+    left: fem.Function | None = None
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -207,8 +215,9 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
         domain,
     )
     items: list[Any] = [*internal_forces(bodies, state)]
-    if scene.gravity is not None or scene.loads:
+    if scene.gravity is not None or any(load.travelling is None for load in scene.loads):
         items.insert(1, dead_load(scene, domain))
+    items += travelling_loads(scene, domain, dt)
     if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:

@@ -3,9 +3,10 @@
 
 from collections.abc import Iterator
 from math import hypot
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from workflow.scene.contacts import FrictionLaw
 from workflow.scene.units import (
@@ -191,13 +192,39 @@ class Driven(Section):
         return Support(surface=self.surface, directions=["x", "y", "z"])
 
 
+class Travelling(Section):
+    """Motion of a load along x: a semi-ellipse, as Hertz's pressure, that comes, passes and goes."""
+
+    half_width: Length = Field(examples=[0.004])
+    """Half width of the semi-ellipse, whose largest value is `traction`."""
+    start: Position = Field(examples=[-0.02])
+    """Place of its middle along x at time zero."""
+    velocity: Speed = Field(examples=[150.0])
+    """Speed along x."""
+    ramp: Duration = Field(examples=[2e-5])
+    """Time in which it comes up, smoothly, and in which it goes."""
+    until: Duration = Field(examples=[2.7e-4])
+    """Time at which it has gone."""
+
+    @model_validator(mode="after")
+    def _comes_up(self) -> Self:
+        if self.until < 2 * self.ramp:
+            raise ValueError(
+                f"loads: travelling.until = {self.until}: expected at least 2 ramps, "
+                f"{2 * self.ramp} s"
+            )
+        return self
+
+
 class Load(Section):
-    """A dead traction on a surface."""
+    """A dead traction on a surface, or one that travels."""
 
     surface: str
     """Surface that is loaded."""
     traction: tuple[Stress, Stress, Stress]
     """Force over area of the undeformed surface."""
+    travelling: Travelling | None = None
+    """How it travels; left out, it rests on the whole surface."""
 
 
 class Rolling(Section):
@@ -311,6 +338,23 @@ class Output(Section):
     """Steps between two checkpoints, besides."""
     log: Literal["text", "json"] = "text"
     """`json` writes `run.jsonl` besides `run.log`, one JSON object a line."""
+
+
+class Passes(Section):
+    """Runs one after the other over the same steel, which keeps what each has done to it."""
+
+    number: Count = 1
+    """Number of runs; each but the first begins where the one before has left the steel."""
+    after: str | None = Field(default=None, examples=["runs/first"])
+    """Folder of a run with `[passes]` whose steel the first one begins with."""
+    section: tuple[Position, Position] | None = Field(default=None, examples=[[0.0, 0.0]])
+    """x and y of the cells whose depth profile is kept; left out, where the first run strains most.
+    """
+
+    @field_validator("after")
+    @classmethod
+    def _absolute(cls, after: str | None) -> str | None:
+        return after and str(Path(after).absolute())  # a result's scene.toml runs from anywhere
 
 
 class MassScaling(Section):

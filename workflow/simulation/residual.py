@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Residual state: the history and unloaded shape that a run leaves, from which a pass begins.
+
+Bodies that rolled, were driven or flew are moved back to where they started. Loads and contact are
+taken off by one elastic step from the end of the run, which also ends its vibrations: what is left
+are the shape and the stress that the history asks for.
+"""
+
+import json
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from forms.memory import EQUIVALENT
+from meshes.arrays import Array, Index
+from workflow.model import Model
+from workflow.model.memory import MemoryForce
+from workflow.model.regions import surface_nodes
+from workflow.model.residual import FILE, before
+from workflow.results import atomic
+from workflow.results.folder import on_root
+from workflow.results.passes import write_section
+from workflow.scene import Scene, SceneError
+from workflow.scene.settings import Equilibrium
+from workflow.simulation.at_rest import held_dofs
+from workflow.simulation.checkpoint import mesh_hash
+from workflow.simulation.elastic import Elastic
+
+
+def leave(model: Model, folder: Path) -> None:
+    """Write the residual state of a run at its end, and its depth profile; collective.
+
+    The state of the model is left as it is.
+    """
+    u, v = model.state.u.x.array.copy(), model.state.v.x.array.copy()
+    model.state.v.x.array[:] = 0.0
+    put_back(model)
+    unload(model)
+    shape, comm = model.domain.gather(model.state.u.x.array), model.domain.msh.comm
+    arrays: dict[str, npt.NDArray[Any]] = {"u": shape}
+    for item in remembering(model):
+        arrays |= {f"{item.name}/{key}": value for key, value in item.memory().items()}
+    place = section_of(model)
+    profile = depth_profile(model, place)
+    about = {"mesh": mesh_hash(model.domain.source), "section": place}
+    model.state.u.x.array[:], model.state.v.x.array[:] = u, v
+
+    def write() -> None:
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+        content = BytesIO()
+        np.savez(content, **arrays)  # type: ignore[arg-type]
+        atomic.replace(folder / FILE, content.getvalue())
+        write_section(folder, profile)
+
+    on_root(comm, folder, write)
+
+
+def take(model: Model) -> None:
+    """Begin with the residual state that a scene names, if it names one; collective.
+
+    Raises:
+        SceneError: on all ranks, if it is that of another mesh or other bodies.
+    """
+    folder = before(model.scene)
+    if folder is None:
+        return
+    about, arrays = read(model, folder)
+    told = f"passes.after = {str(folder)!r}"
+    if about["mesh"] != mesh_hash(model.domain.source):
+        raise SceneError(f"{told}: expected a run on the same mesh")
+    for item in remembering(model):
+        history = item.points.history
+        values = arrays.get(f"{item.name}/history")
+        if values is None or values.shape[1:] != (history.points, history.size):
+            raise SceneError(f"{told}: expected the law of bodies.{item.name} to be the same there")
+        item.restore({"cells": arrays[f"{item.name}/cells"], "history": values})
+    shape = arrays["u"][model.domain.nodes].ravel()
+    model.state.u.x.array[:] = shape
+    model.left = fem.Function(model.domain.V)
+    model.left.x.array[:] = shape
+
+
+def read(model: Model, folder: Path) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
+    """Return what a residual state tells of itself, and its arrays, on all ranks.
+
+    Raises:
+        SceneError: on all ranks, if it cannot be read.
+    """
+    comm, found, error = model.domain.msh.comm, None, None
+    if comm.rank == 0:
+        try:
+            with np.load(folder / FILE) as file:
+                arrays = dict(file)
+            found = dict(json.loads(arrays.pop("about").tobytes())), arrays
+        except Exception as caught:  # a file can be broken in more ways than numpy has errors for
+            error = str(caught) or type(caught).__name__
+    found, error = comm.bcast((found, error))
+    if found is None:
+        raise SceneError(f"passes.after = {str(folder)!r}: {FILE} cannot be read: {error}")
+    return found
+
+
+def remembering(model: Model) -> list[MemoryForce]:
+    """Return the internal forces of bodies whose material has a memory."""
+    return [item for item in model.items if isinstance(item, MemoryForce)]
+
+
+def moving(scene: Scene) -> list[str]:
+    """Return the bodies that start from a place of their own: rolling, driven, flying, brought."""
+    rolling = [scene.rolling.body] if scene.rolling else []
+    flying = [name for name, body in scene.bodies.items() if body.velocity is not None]
+    brought = [*scene.equilibrium.approach] if scene.equilibrium else []
+    return sorted({*rolling, *scene.driven, *flying, *brought})
+
+
+def put_back(model: Model) -> None:
+    """Move bodies back to where they started, in place; those without a memory whole; collective.
+
+    What carries a driven body is rigid and tells how it moved; else it is the whole body.
+    """
+    scene, domain, state = model.scene, model.domain, model.state
+    mesh, u = domain.source, domain.msh.comm.bcast(domain.gather(state.u.x.array))
+    with_memory = {item.name for item in remembering(model)}
+    for name in moving(scene):
+        nodes = mesh.nodes(*mesh.tags(scene.bodies[name].regions))
+        if name not in with_memory:
+            u[nodes] = 0.0
+            continue
+        driven = scene.driven.get(name)
+        rigid = nodes if driven is None else surface_nodes(domain, driven.surface)
+        u[nodes] = deformation(mesh.points, u, rigid, nodes)
+    state.u.x.array[:] = u[domain.nodes].ravel()
+
+
+def deformation(points: Array, u: Array, rigid: Index, nodes: Index) -> Array:
+    """Return the displacement of nodes less the rigid motion that fits others best (Kabsch).
+
+    Args:
+        points: Places of all nodes, shape ``(n, 3)`` [m].
+        u: Their displacement, shape ``(n, 3)`` [m].
+        rigid: Nodes whose motion is taken, shape ``(k,)``.
+        nodes: Nodes whose displacement is wanted, shape ``(m,)``.
+    """
+    X, x = points[rigid], points[rigid] + u[rigid]
+    before, after = X.mean(axis=0), x.mean(axis=0)
+    U, _, Vt = np.linalg.svd((X - before).T @ (x - after))
+    U[:, 2] *= np.sign(np.linalg.det(U @ Vt))  # a rotation, no reflection
+    # rows: x - after = (X - before) @ (U Vt)
+    return np.asarray((points[nodes] + u[nodes] - after) @ (U @ Vt).T + before - points[nodes])
+
+
+def unload(model: Model) -> None:
+    """Take loads and contact off by one elastic step from the present state, in place; collective.
+
+    Exact at small strain, but for steel that would yield again as it is unloaded.
+    """
+    state, index_map = model.state, model.domain.V.dofmap.index_map
+    force, du = la.vector(index_map, 3), la.vector(index_map, 3)
+    force.array[:] = 0.0
+    for item in model.items:
+        if hasattr(item, "stored") or item is model.connections:
+            item.rest(state, force)
+    force.scatter_reverse(la.InsertMode.add)
+    settings = model.scene.equilibrium or Equilibrium()
+    Elastic(model, held_dofs(model, settings)).solve(force, du)
+    n = 3 * model.domain.owned
+    state.u.x.array[:n] += du.array[:n]
+    state.u.x.scatter_forward()
+
+
+def section_of(model: Model) -> list[float]:
+    """Return x and y of the depth profile: as the scene or the runs before say [m]; collective.
+
+    Else those of the cell that has strained most.
+    """
+    passes = model.scene.passes
+    assert passes is not None
+    if passes.section is not None:
+        return list(passes.section)
+    if (folder := before(model.scene)) is not None:
+        return list(read(model, folder)[0]["section"])
+    strain = largest_strains(model)
+    mesh, place = model.domain.source, None
+    if model.domain.msh.comm.rank == 0:
+        place = mesh.points[mesh.cells[int(strain.argmax())]].mean(axis=0)[:2].tolist()
+    return list(model.domain.msh.comm.bcast(place))
+
+
+def largest_strains(model: Model) -> Array:
+    """Return the mean equivalent plastic strain of all cells on rank 0; collective."""
+    parts = [i.cell_means(EQUIVALENT) for i in remembering(model) if EQUIVALENT in i.cell_fields]
+    return np.asarray(sum(parts, np.zeros(len(model.domain.source.cells) if not parts else 1)))
+
+
+def depth_profile(model: Model, place: list[float]) -> dict[str, Array]:
+    """Return columns of the cells below a place, from the top down, on rank 0; collective.
+
+    Args:
+        model: The model in its residual state.
+        place: x and y [m].
+    """
+    mesh, items = model.domain.source, remembering(model)
+    p = largest_strains(model)
+    strain = sum(item.cell_plastic_strain() for item in items)
+    stress = sum(item.cell_stress() for item in items)
+    if model.domain.msh.comm.rank or not items:
+        return {}
+    corners = mesh.points[mesh.cells]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    tags = [t for i in items for t in mesh.tags(model.scene.bodies[i.name].regions)]
+    inside = ((low[:, :2] <= place) & (place < high[:, :2])).all(axis=1)
+    below = np.flatnonzero(inside & np.isin(mesh.regions, tags))
+    below = below[np.argsort(-corners[below, :, 2].mean(axis=1))]
+    top = high[below, 2].max(initial=0.0)
+    return {
+        "depth": top - corners[below, :, 2].mean(axis=1),
+        "equivalent_plastic_strain": p[below],
+        "plastic_shear_xz": 2 * strain[below, 4],
+        "stress_xx": stress[below, 0],
+        "stress_yy": stress[below, 1],
+        "stress_zz": stress[below, 2],
+        "stress_xz": stress[below, 4],
+    }
