@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from forms.rank_sums import gathered, own_part
-from meshes.arrays import Array, Index
+from meshes.arrays import Array, Dofs, Index
 
 POINTS = 6  # of Gauss along each edge of a facet: the total within 0.5 % at 4 facets per half width
 
@@ -24,7 +24,8 @@ class TravellingLoad:
     smoothly from 0 to 1 within ``ramp`` and back to 0 within ``ramp`` before ``until``.
 
     Attributes:
-        shares: Of the nodal forces by the values at the points, shape ``(owned, m)`` [m²].
+        dofs: Owned dof blocks that bear it, shape ``(k,)``.
+        shares: Of their forces by the values at points of the surface, shape ``(k, m)`` [m²].
         x: Of these points, shape ``(m,)`` [m].
         traction: Largest force per area, shape ``(3,)`` [Pa].
         half_width, start, speed: a and x₀ [m], V [m/s].
@@ -35,6 +36,7 @@ class TravellingLoad:
     rest: ClassVar = None  # it comes up from zero after the start
 
     comm: MPI.Comm
+    dofs: Dofs
     shares: csr_array
     x: Array
     traction: Array
@@ -48,20 +50,19 @@ class TravellingLoad:
     _before: Array | None = field(default=None, repr=False)
 
     def at(self, t: float) -> Array:
-        """Return the nodal forces at a time, shape ``(owned, 3)`` [N]."""
+        """Return the area that bears the full traction at a time by node, shape ``(k,)`` [m²]."""
         size = smooth(t / self.ramp) * smooth((self.until - t) / self.ramp)
-        xi = (self.x - self.start - self.speed * t) / self.half_width
-        values = size * np.sqrt(np.maximum(0.0, 1.0 - xi * xi))
-        return np.asarray((self.shares @ values)[:, None] * self.traction)
+        xi = (self.x - (self.start + self.speed * t)) / self.half_width
+        return np.asarray(self.shares @ (size * np.sqrt(np.maximum(0.0, 1.0 - xi * xi))))
 
     def add(self, state: Any, force: Any) -> None:
         """Add the load and collect its work (trapezoidal, over the way ``dt v``)."""
-        f = self.at(state.t).ravel()
-        force.array[: len(f)] += f
+        area = self.at(state.t)
+        force.array.reshape(-1, 3)[self.dofs] += area[:, None] * self.traction
         if self._before is not None:
-            both = self._before + f
-            self.work += self.dt / 2 * float(both @ state.v.x.array[: len(f)])
-        self._before = f
+            way = self.dt * (state.v.x.array.reshape(-1, 3)[self.dofs] @ self.traction)
+            self.work += float((self._before + area) @ way) / 2
+        self._before = area
 
     def energy(self, state: Any) -> dict[str, float]:
         """Return the work done so far [J]; collective."""

@@ -57,9 +57,12 @@ def travelling_loads(scene: Scene, domain: Domain, dt: float) -> "Iterator[Trave
 
         quads = domain.source.surface(domain.source.tag(load.surface))
         shares, x = surface_shares(domain.source.points, quads)
+        nodes = np.unique(quads)
+        dofs = domain.local_dofs(nodes)
         yield TravellingLoad(
             comm=domain.msh.comm,
-            shares=shares[domain.nodes[: domain.owned]],
+            dofs=dofs[dofs >= 0],
+            shares=shares[nodes[dofs >= 0]],
             x=x,
             traction=np.array(load.traction),
             half_width=way.half_width,

@@ -24,14 +24,20 @@ from workflow.results.table import Column, Table
 SECTION, PASSES = "section.csv", "passes.csv"
 COLUMNS = (
     Column("pass", "pass", ".0f"),
-    Column("largest plastic strain", "largest_plastic_strain", ".3g", "%", 100),
-    Column("added", "added_plastic_strain", ".3g", "%", 100),
+    Column("plastic strain", "largest_plastic_strain", ".3f", "%", 100),
+    Column("in the section", "section_plastic_strain", ".3f", "%", 100),
+    Column("added there", "added_plastic_strain", ".2e", "%", 100),
+    Column("plastic shear", "section_shear", ".3f", "%", 100),
+    Column("added", "added_section_shear", ".2e", "%", 100),
     Column("plastic work", "plastic_work", ".3g", "J"),
-    Column("shear of the section", "section_shear", ".3g", "%", 100),
-    Column("added", "added_section_shear", ".3g", "%", 100),
     Column("residual σx", "residual_stress_xx", ".0f", "MPa", 1e-6),
     Column("residual σy", "residual_stress_yy", ".0f", "MPa", 1e-6),
 )
+
+ADDED = {
+    "added_plastic_strain": "equivalent_plastic_strain",
+    "added_section_shear": "plastic_shear_xz",
+}
 
 
 def write_section(folder: Path, profile: Mapping[str, Array]) -> None:
@@ -48,24 +54,24 @@ def read_section(folder: Path) -> dict[str, Array]:
 
 
 def rows_of(folder: Path) -> list[dict[str, Any]]:
-    """Return a row for each pass in a folder that is done, with what it has added to the last."""
+    """Return a row for each pass in a folder that is done, with the most it has added anywhere."""
     rows: list[dict[str, Any]] = []
-    before = {"largest_plastic_strain": 0.0, "section_shear": 0.0}
+    before: Mapping[str, Array] = {}
     for path in passes_in(folder):
         summary = path / "summary.json"
         if not summary.is_file() or json.loads(summary.read_text("utf-8"))["status"] != "done":
             break
-        row = {"pass": len(rows) + 1} | _row(path)
-        row["added_plastic_strain"] = row["largest_plastic_strain"] - before["largest_plastic_strain"]
-        row["added_section_shear"] = row["section_shear"] - before["section_shear"]
+        section = read_section(path)
+        row = {"pass": len(rows) + 1} | _row(path, section)
+        for name, column in ADDED.items():
+            row[name] = _largest({column: section[column] - before.get(column, 0.0)}, column)
         rows.append(row)
-        before = row
+        before = section
     return rows
 
 
-def _row(folder: Path) -> dict[str, Any]:
+def _row(folder: Path, section: Mapping[str, Array]) -> dict[str, Any]:
     """Return the results of a pass: its largest strain, its work, and what is largest below."""
-    section = read_section(folder)
     with opened(folder / "results.h5") as file:
         history = file["history"]
         largest = [history[n][-1] for n in history if n.endswith("_largest_plastic_strain")]
