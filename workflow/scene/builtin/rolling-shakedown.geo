@@ -2,11 +2,11 @@
 // A slice of a half-plane, one cell thick: cells of one size under the way of the load, longer and
 // longer ones towards the ends and below.
 DefineConstant[ size = 0.001 ];        // m, edge of the cells near the surface
-DefineConstant[ way = 0.035 ];         // m, half length of the zone of equal cells
-DefineConstant[ length = 0.06 ];       // m, half length of the slice
+DefineConstant[ way = 0.028 ];         // m, half length of the zone of equal cells
+DefineConstant[ length = 0.25 ];       // m, half length of the slice
 DefineConstant[ fine_depth = 0.01 ];   // m, of equal cells
-DefineConstant[ depth = 0.05 ];        // m
-DefineConstant[ growth = 1.25 ];       // of neighbouring edges outside
+DefineConstant[ depth = 0.25 ];        // m
+DefineConstant[ growth = 1.35 ];       // of neighbouring edges outside
 
 nx = Round(2 * way / size);
 nz = Round(fine_depth / size);
