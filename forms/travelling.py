@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Travelling load: a semi-elliptic traction that passes over a surface, as Hertz's pressure does."""
+"""Travelling load: a semi-elliptic traction, as Hertz's pressure, that passes over a surface."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

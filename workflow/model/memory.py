@@ -157,7 +157,7 @@ class MemoryForce:
         return self._by_cell(self.points.values()[name].mean(axis=(1, 2)))
 
     def cell_plastic_strain(self) -> Array:
-        """Return the mean plastic strain by cell of the mesh, in the order of ``VOIGT``; collective.
+        """Return the mean plastic strain by cell of the mesh, ordered as ``VOIGT``; collective.
 
         On rank 0, ``(cells, 6)``; zero in cells of other bodies, and of laws that have none. At
         large strain it is ``-sym(F_p⁻¹ - I)``, whose shear is that of simple shear in any amount.
@@ -173,7 +173,7 @@ class MemoryForce:
         return self._by_cell(own)
 
     def cell_stress(self) -> Array:
-        """Return the mean Cauchy stress by cell of the mesh, as :meth:`cell_plastic_strain` [Pa]."""
+        """Return the mean Cauchy stress by cell as :meth:`cell_plastic_strain` [Pa]; collective."""
         Q = fem.functionspace(self.domain.msh, ("DG", 0, (len(VOIGT),)))
         kernel = self.points.cell_integral(self.points.mean_stress(self._u), Q)
         sums = np.zeros(len(VOIGT) * len(self._sums))

@@ -24,16 +24,18 @@ from workflow.results.table import Column, Table
 SECTION, PASSES = "section.csv", "passes.csv"
 COLUMNS = (
     Column("pass", "pass", ".0f"),
-    Column("plastic strain", "largest_plastic_strain", ".3f", "%", 100),
-    Column("in the section", "section_plastic_strain", ".3f", "%", 100),
-    Column("added there", "added_plastic_strain", ".2e", "%", 100),
-    Column("plastic shear", "section_shear", ".3f", "%", 100),
-    Column("added", "added_section_shear", ".2e", "%", 100),
-    Column("plastic work", "plastic_work", ".3g", "J"),
-    Column("residual σx", "residual_stress_xx", ".0f", "MPa", 1e-6),
-    Column("residual σy", "residual_stress_yy", ".0f", "MPa", 1e-6),
+    Column("strain", "section_plastic_strain", ".3f", "%", 100),
+    Column("added", "added_plastic_strain", ".1e", "%", 100),
+    Column("shear", "section_shear", ".3f", "%", 100),
+    Column("added", "added_section_shear", ".1e", "%", 100),
+    Column("work", "plastic_work", ".3g", "J"),
+    Column("σx", "residual_stress_xx", ".0f", "MPa", 1e-6),
+    Column("σy", "residual_stress_yy", ".0f", "MPa", 1e-6),
 )
-
+NOTE = (
+    "Equivalent plastic strain, plastic shear γxz and residual stress are the largest below one "
+    "place of the surface, and what a pass has added most to a cell there; plastic work is of all"
+)
 ADDED = {
     "added_plastic_strain": "equivalent_plastic_strain",
     "added_section_shear": "plastic_shear_xz",
@@ -100,7 +102,7 @@ def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 def table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table of passes."""
-    return Table("passes", COLUMNS, rows)
+    return Table("passes", COLUMNS, rows, NOTE)
 
 
 def _write(path: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -324,8 +324,8 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked.
 
     A file with ``base`` starts from that scene, built-in or a file beside it, and has its own keys
-    put over it. Paths of meshes, models of gmsh, profiles and runs are relative to the TOML file that
-    names them.
+    put over it. Paths of meshes, models of gmsh, profiles and runs are relative to the TOML file
+    that names them.
 
     Args:
         source: Name of a built-in scene, or path of a TOML file.

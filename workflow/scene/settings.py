@@ -193,7 +193,7 @@ class Driven(Section):
 
 
 class Travelling(Section):
-    """Motion of a load along x: a semi-ellipse, as Hertz's pressure, that comes, passes and goes."""
+    """A semi-ellipse along x, as Hertz's pressure, that comes, passes and goes."""
 
     half_width: Length = Field(examples=[0.004])
     """Half width of the semi-ellipse, whose largest value is `traction`."""

@@ -2,6 +2,7 @@
 """Passes: runs of a scene one after the other, each over the steel that the one before has left."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,14 +52,15 @@ def run_passes(
         result = Result(folder, {})
         for k in range(1, number + 1):
             progress.log(f"pass {k} of {number}")
-            there = on_all(comm, lambda k=k: path_of(folder, k).exists())
+            there = on_all(comm, partial(Path.exists, path_of(folder, k)))
             try:
                 result = run(pass_of(scene, folder, k), path_of(folder, k), resume=there)
             except (GuardError, Interrupted) as stop:
                 stop.args = (f"pass {k}: {stop}; all passes: {command_to_resume(folder)}",)
                 progress.ended(str(stop))
                 raise
-            result = Result(folder, on_all(comm, lambda: conclude(folder, result.summary)))
+            done = on_all(comm, partial(conclude, folder, result.summary, number))
+            result = Result(folder, done)
         progress.ended("done")
         progress.close()
         return result
@@ -100,10 +102,12 @@ def begin(folder: Path, scene: Scene) -> None:
     atomic.replace(made, tomli_w.dumps(scene.tables()).encode())
 
 
-def conclude(folder: Path, summary: dict[str, Any]) -> dict[str, Any]:
+def conclude(folder: Path, summary: dict[str, Any], number: int) -> dict[str, Any]:
     """Write the table of the passes that are done, and the summary of the last with their rows."""
     rows = rows_of(folder)
     write_table(folder, rows)
     found = summary | {"passes": rows}
+    if len(rows) < number:
+        found["status"] = f"{len(rows)} of {number} passes done"
     write_summary(folder, found)
     return found

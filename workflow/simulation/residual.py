@@ -63,8 +63,10 @@ def take(model: Model) -> None:
     """Begin with the residual state that a scene names, if it names one; collective.
 
     Raises:
-        SceneError: on all ranks, if it is that of another mesh or other bodies.
+        SceneError: on all ranks, if it is that of another mesh or other bodies, or if there is
+            nothing below the section.
     """
+    check_section(model)
     folder = before(model.scene)
     if folder is None:
         return
@@ -183,17 +185,21 @@ def section_of(model: Model) -> list[float]:
         return list(passes.section)
     if (folder := before(model.scene)) is not None:
         return list(read(model, folder)[0]["section"])
-    strain = largest_strains(model)
+    strain = equivalent_strains(model)
     mesh, place = model.domain.source, None
     if model.domain.msh.comm.rank == 0:
         place = mesh.points[mesh.cells[int(strain.argmax())]].mean(axis=0)[:2].tolist()
     return list(model.domain.msh.comm.bcast(place))
 
 
-def largest_strains(model: Model) -> Array:
+def equivalent_strains(model: Model) -> Array:
     """Return the mean equivalent plastic strain of all cells on rank 0; collective."""
-    parts = [i.cell_means(EQUIVALENT) for i in remembering(model) if EQUIVALENT in i.cell_fields]
-    return np.asarray(sum(parts, np.zeros(len(model.domain.source.cells) if not parts else 1)))
+    root = model.domain.msh.comm.rank == 0
+    strain = np.zeros(len(model.domain.source.cells) if root else 0)
+    for item in remembering(model):
+        if EQUIVALENT in item.cell_fields:
+            strain += item.cell_means(EQUIVALENT)
+    return strain
 
 
 def depth_profile(model: Model, place: list[float]) -> dict[str, Array]:
@@ -204,20 +210,16 @@ def depth_profile(model: Model, place: list[float]) -> dict[str, Array]:
         place: x and y [m].
     """
     mesh, items = model.domain.source, remembering(model)
-    p = largest_strains(model)
-    strain = sum(item.cell_plastic_strain() for item in items)
-    stress = sum(item.cell_stress() for item in items)
+    p = equivalent_strains(model)
+    strains = [item.cell_plastic_strain() for item in items]
+    stresses = [item.cell_stress() for item in items]
     if model.domain.msh.comm.rank or not items:
         return {}
-    corners = mesh.points[mesh.cells]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    tags = [t for i in items for t in mesh.tags(model.scene.bodies[i.name].regions)]
-    inside = ((low[:, :2] <= place) & (place < high[:, :2])).all(axis=1)
-    below = np.flatnonzero(inside & np.isin(mesh.regions, tags))
-    below = below[np.argsort(-corners[below, :, 2].mean(axis=1))]
-    top = high[below, 2].max(initial=0.0)
+    strain, stress = np.sum(strains, axis=0), np.sum(stresses, axis=0)
+    below = cells_below(model, place)
+    z = mesh.points[mesh.cells[below], 2]
     return {
-        "depth": top - corners[below, :, 2].mean(axis=1),
+        "depth": z.max() - z.mean(axis=1),
         "equivalent_plastic_strain": p[below],
         "plastic_shear_xz": 2 * strain[below, 4],
         "stress_xx": stress[below, 0],
@@ -225,3 +227,24 @@ def depth_profile(model: Model, place: list[float]) -> dict[str, Array]:
         "stress_zz": stress[below, 2],
         "stress_xz": stress[below, 4],
     }
+
+
+def cells_below(model: Model, place: list[float]) -> Index:
+    """Return the cells with a memory below x and y of a place [m], from the top down."""
+    mesh, names = model.domain.source, [item.name for item in remembering(model)]
+    tags = [tag for name in names for tag in mesh.tags(model.scene.bodies[name].regions)]
+    corners = mesh.points[mesh.cells]
+    low, high = corners.min(axis=1)[:, :2], corners.max(axis=1)[:, :2]
+    inside = ((low <= place) & (place < high)).all(axis=1)
+    below = np.flatnonzero(inside & np.isin(mesh.regions, tags))
+    return below[np.argsort(-corners[below, :, 2].mean(axis=1), kind="stable")]
+
+
+def check_section(model: Model) -> None:
+    """Raise ``SceneError`` if no cell that keeps a memory lies below the section of a scene."""
+    place = model.scene.passes.section if model.scene.passes else None
+    if place is not None and remembering(model) and not len(cells_below(model, list(place))):
+        raise SceneError(
+            f"passes.section = {list(place)}: expected x and y of a place below which there are "
+            "cells of a material with a memory [m]"
+        )

@@ -100,8 +100,8 @@ def run(
     if scene.passes is not None and scene.passes.number > 1:
         from workflow.simulation.passes import run_passes
 
-        given = {"watch": watch, "laws": laws, "friction": friction, "items": items, "mesh": mesh}
-        one = partial(run, comm=comm, quiet=quiet, **given)
+        one = partial(run, comm=comm, watch=watch, laws=laws, friction=friction, items=items)
+        one = partial(one, mesh=mesh, quiet=quiet)
         return run_passes(scene, out, comm, one, quiet=quiet, resume=resume)
     began, clock = time.perf_counter(), Clock()
     progress = Progress(comm.rank == 0, quiet, clock)
