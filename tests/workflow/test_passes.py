@@ -186,3 +186,20 @@ def test_a_body_is_put_back():
     u = (points + strain) @ turn.T + [5.0, -3.0, 1.0] - points
     found = deformation(points, u, np.arange(12), np.arange(20))
     np.testing.assert_allclose(found, strain, atol=1e-14)
+
+
+@pytest.mark.slow
+def test_a_roller_rolls_again(run_scene):
+    """`carter` on steel that could yield but does not: block and roller go back to their start, and
+    both passes have the same forces, to 1e-6 of the largest.
+    """
+    steel = {"law": "j2", "youngs_modulus": E, "poisson_ratio": 0.3, "density": RHO}
+    keys = {
+        "bodies.block": {"regions": ["base"], "material": {**steel, "yield_stress": 2e9}},
+        "mesh.size": 1e-3, "time.end": 1e-4, "passes.number": 2,
+    }  # fmt: skip
+    folder = run_scene("carter", **keys)
+    for name in ("touch_normal_force", "touch_tangential_x_force"):
+        one, two = (history(folder / f"pass-{k}", name) for k in (1, 2))
+        np.testing.assert_allclose(two, one, rtol=0, atol=1e-6 * np.abs(one).max())
+    assert not (history(folder / "pass-2", "block_largest_plastic_strain") > 0).any()

@@ -12,7 +12,7 @@ import tomli_w
 
 from workflow.model.residual import passes_in
 from workflow.results import atomic
-from workflow.results.folder import command_to_resume, occupied, outputs_in
+from workflow.results.folder import command_to_resume, occupied, on_root, outputs_in
 from workflow.results.passes import rows_of, write_table
 from workflow.results.result import Result
 from workflow.results.writer import write_summary
@@ -59,8 +59,7 @@ def run_passes(
                 stop.args = (f"pass {k}: {stop}; all passes: {command_to_resume(folder)}",)
                 progress.ended(str(stop))
                 raise
-            done = on_all(comm, partial(conclude, folder, result.summary, number))
-            result = Result(folder, done)
+            result = Result(folder, concluded(folder, result.summary, number, comm))
         progress.ended("done")
         progress.close()
         return result
@@ -100,6 +99,20 @@ def begin(folder: Path, scene: Scene) -> None:
                 f"{there['time']['end']} s"
             )
     atomic.replace(made, tomli_w.dumps(scene.tables()).encode())
+
+
+def concluded(folder: Path, summary: dict[str, Any], number: int, comm: MPI.Comm) -> dict[str, Any]:
+    """Write what there is to tell of the passes that are done; return the summary.
+
+    Raises:
+        GuardError: on all ranks, if it cannot be written.
+    """
+    found: dict[str, Any] = {}
+    try:
+        on_root(comm, folder, lambda: found.update(conclude(folder, summary, number)))
+    except RuntimeError as error:
+        raise GuardError(str(error)) from error
+    return dict(comm.bcast(found))
 
 
 def conclude(folder: Path, summary: dict[str, Any], number: int) -> dict[str, Any]:
