@@ -2,8 +2,8 @@
 """Residual state: the history and unloaded shape that a run leaves, from which a pass begins.
 
 Bodies that rolled, were driven or flew are moved back to where they started. Loads and contact are
-taken off by one elastic step from the end of the run, which also ends its vibrations: what is left
-are the shape and the stress that the history asks for.
+taken off in elastic steps from the end of the run, which also ends its vibrations: what is left are
+the shape and the stress that the history asks for.
 """
 
 import json
@@ -29,6 +29,8 @@ from workflow.scene.settings import Equilibrium
 from workflow.simulation.at_rest import held_dofs
 from workflow.simulation.checkpoint import mesh_hash
 from workflow.simulation.elastic import Elastic
+
+STEPS = 3  # of unloading
 
 
 def leave(model: Model, folder: Path) -> None:
@@ -156,22 +158,24 @@ def deformation(points: Array, u: Array, rigid: Index, nodes: Index) -> Array:
 
 
 def unload(model: Model) -> None:
-    """Take loads and contact off by one elastic step from the present state, in place; collective.
+    """Take loads and contact off in elastic steps from the present state, in place; collective.
 
-    Exact at small strain, but for steel that would yield again as it is unloaded.
+    At small strain the first is exact but for what anchors bodies that only contact holds; the
+    others take away what is left. Steel is not to yield again as it is unloaded.
     """
     state, index_map = model.state, model.domain.V.dofmap.index_map
     force, du = la.vector(index_map, 3), la.vector(index_map, 3)
-    force.array[:] = 0.0
-    for item in model.items:
-        if hasattr(item, "stored") or item is model.connections:
-            item.rest(state, force)
-    force.scatter_reverse(la.InsertMode.add)
-    settings = model.scene.equilibrium or Equilibrium()
-    Elastic(model, held_dofs(model, settings)).solve(force, du)
+    elastic = Elastic(model, held_dofs(model, model.scene.equilibrium or Equilibrium()))
     n = 3 * model.domain.owned
-    state.u.x.array[:n] += du.array[:n]
-    state.u.x.scatter_forward()
+    for _ in range(STEPS):
+        force.array[:] = 0.0
+        for item in model.items:
+            if hasattr(item, "stored") or item is model.connections:
+                item.rest(state, force)
+        force.scatter_reverse(la.InsertMode.add)
+        elastic.solve(force, du)
+        state.u.x.array[:n] += du.array[:n]
+        state.u.x.scatter_forward()
 
 
 def section_of(model: Model) -> list[float]:
