@@ -28,6 +28,7 @@ from workflow.report.tables import (
     settings,
 )
 from workflow.results import atomic
+from workflow.results.passes import rows_of
 from workflow.results.passes import table as table_of_passes
 from workflow.results.record import Record, whole
 from workflow.scene.keys import differences
@@ -73,7 +74,7 @@ def contents(record: Record, pictures: Sequence[Path], all_passes: Record) -> di
         "status": summary.get("status", UNFINISHED),
         "in_short": in_short(record, summary, found),
         "resume": how_to_resume(all_passes.folder, summary),
-        "passes": table_of_passes(rows) if (rows := summary.get("passes")) else None,
+        "passes": table_of_passes(rows) if (rows := rows_of(all_passes.folder)) else None,
         "model": model_table(record, summary),
         "others": other_table(summary),
         "settings": settings(all_passes.checked),

@@ -26,7 +26,7 @@ COLUMNS = (
     Column("pass", "pass", ".0f"),
     Column("strain", "section_plastic_strain", ".3f", "%", 100),
     Column("added", "added_plastic_strain", ".1e", "%", 100),
-    Column("shear", "section_shear", ".3f", "%", 100),
+    Column("γxz", "section_shear", ".3f", "%", 100),
     Column("added", "added_section_shear", ".1e", "%", 100),
     Column("work", "plastic_work", ".3g", "J"),
     Column("σx", "residual_stress_xx", ".0f", "MPa", 1e-6),

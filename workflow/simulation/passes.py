@@ -21,7 +21,7 @@ from workflow.simulation.checkpoint import check_same
 from workflow.simulation.guards import GuardError
 from workflow.simulation.interrupts import Interrupted
 from workflow.simulation.progress import Clock, Progress
-from workflow.simulation.resuming import on_all, tables_of
+from workflow.simulation.resuming import on_all, summary_of, tables_of
 
 Run = Callable[..., Result]
 
@@ -98,6 +98,7 @@ def begin(folder: Path, scene: Scene) -> None:
                 f"time.end = {scene.time.end} s: expected that of the passes which are there, "
                 f"{there['time']['end']} s"
             )
+    (folder / "summary.json").unlink(missing_ok=True)  # until all passes are done
     atomic.replace(made, tomli_w.dumps(scene.tables()).encode())
 
 
@@ -116,11 +117,16 @@ def concluded(folder: Path, summary: dict[str, Any], number: int, comm: MPI.Comm
 
 
 def conclude(folder: Path, summary: dict[str, Any], number: int) -> dict[str, Any]:
-    """Write the table of the passes that are done, and the summary of the last with their rows."""
+    """Write the table of the passes that are done; when all are, the summary of the last with it.
+
+    Times are those of all passes.
+    """
     rows = rows_of(folder)
     write_table(folder, rows)
-    found = summary | {"passes": rows}
     if len(rows) < number:
-        found["status"] = f"{len(rows)} of {number} passes done"
+        return summary
+    each = [summary_of(path) for path in passes_in(folder)]
+    times = {name: sum(one[name] for one in each) for name in ("wall_seconds", "processor_seconds")}
+    found = summary | times | {"passes": rows}
     write_summary(folder, found)
     return found

@@ -60,6 +60,7 @@ def _row(folder: Path, name: str, about: Mapping[str, Any]) -> Row:
         return row
     summary, record = study_folder.summary(folder, name), Record(last_pass(folder / "runs" / name))
     row |= dict(_numbers(summary)) | dict(_patches(record))
+    row |= summary["passes"][-1] if "passes" in summary else {}
     if answers := summary.get("expected"):
         first = worst_of_patches(answers) if record.wheel_on_rail else answers[0]
         row |= {"closed_form": first["quantity"], "closed_form_error": abs(first["error"])}
