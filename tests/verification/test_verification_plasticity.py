@@ -231,13 +231,16 @@ def test_row_35_shakedown(run_scene, size, number):
     assert last["added_section_shear"] < -3e-3 and last["added_plastic_strain"] > 9e-3
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_row_35_elastic_limit_and_4_35(run_scene):
-    """At 3.0 k nothing yields (the limit is 3.1); at 4.35 k it goes on, less and less in shear."""
+    """At 3.0 k nothing yields (the limit is 3.1). At 4.35 k it goes on: passes 2 to 6 add plastic
+    strain alike to 10 %, and shear, less and less of it.
+    """
     for row in rolled(run_scene, 3.0, 2, 1e-3):
         assert row["largest_plastic_strain"] == 0.0
     rows = rolled(run_scene, 4.35, 6, 1e-3)
     added = [row["added_plastic_strain"] for row in rows[1:]]
-    assert min(added) > 0.95 * max(added) > 1.8e-3
+    assert min(added) > 0.9 * max(added) > 1.8e-3
     shear = [row["added_section_shear"] for row in rows[1:]]
     assert max(shear) < -2e-4 and shear == sorted(shear)
