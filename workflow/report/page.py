@@ -57,27 +57,28 @@ def report(folder: str | Path, modes: Path | None = None) -> Path:
     return path
 
 
-def contents(record: Record, pictures: Sequence[Path], all_passes: Record) -> dict[str, Any]:
+def contents(record: Record, pictures: Sequence[Path], top: Record | None = None) -> dict[str, Any]:
     """Return what the template shows, by name.
 
     Args:
         record: The run; of several passes the last.
         pictures: Its figures.
-        all_passes: The run, or all passes.
+        top: The folder of all passes, if there are several.
     """
-    summary, log = read_summary(all_passes.folder), read_log(record.folder)
+    top = top or record
+    summary, log = read_summary(top.folder), read_log(record.folder)
     found = checks(record, summary)
     return {
-        "scene": all_passes.checked,
-        "about": about(all_passes.checked.name),
+        "scene": top.checked,
+        "about": about(top.checked.name),
         "summary": summary,
         "status": summary.get("status", UNFINISHED),
         "in_short": in_short(record, summary, found),
-        "resume": how_to_resume(all_passes.folder, summary),
-        "passes": table_of_passes(rows) if (rows := rows_of(all_passes.folder)) else None,
+        "resume": how_to_resume(top.folder, summary),
+        "passes": table_of_passes(rows) if (rows := rows_of(top.folder)) else None,
         "model": model_table(record, summary),
         "others": other_table(summary),
-        "settings": settings(all_passes.checked),
+        "settings": settings(top.checked),
         "audit": [line for line in log if " audit: " in line],
         "log": shortened([line for line in log if " audit: " not in line]),
         "checks": found,
@@ -87,7 +88,7 @@ def contents(record: Record, pictures: Sequence[Path], all_passes: Record) -> di
         "energy": energy_table(record),
         "phases": phase_table(summary),
         "figures": [embedded(p, k) for k, p in enumerate(pictures, 1)],
-        "command": command(all_passes),
+        "command": command(top),
     }
 
 
