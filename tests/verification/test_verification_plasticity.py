@@ -9,6 +9,7 @@ import pytest
 
 from meshes.quality import cell_volumes
 from workflow import Scene, SceneError, run
+from workflow.results.passes import rows_of
 from workflow.results.record import Record
 from workflow.simulation.guards import GuardError
 from workflow.theory.expected import expected
@@ -338,3 +339,49 @@ def test_a_plastic_run_converges_with_its_step(tmp_path, kinematics):
     assert lost[0] > 0.1
     first, second = np.abs(np.diff(lost))
     assert first / second == pytest.approx(4, rel=0.1)
+
+
+def rolled(run_scene, ratio, number, size):
+    """Rows of passes of a Hertzian pressure, by its largest value over the yield stress in shear.
+
+    The pressure is that of the scene, 1 GPa; the steel is made as weak as is asked for.
+    """
+    keys = {"mesh.size": size, "passes.number": number, "output.fields": False}
+    steel = {"bodies.block.material.yield_stress": np.sqrt(3) * 1e9 / ratio}
+    return rows_of(run_scene("rolling-shakedown", **keys, **steel))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("size", "number"),
+    [(1.25e-3, 3), pytest.param(1e-3, 6, marks=pytest.mark.long)],
+)
+def test_row_35_shakedown(run_scene, size, number):
+    """Below 4 k the first pass leaves stresses with which the section bears the next, above not.
+
+    At 3.5 k nothing is added any more. At 5 k each pass adds strain and forward shear alike, to 5 %
+    between the last two (Bhargava, Hahn and Rubin 1985).
+    """
+    rows = rolled(run_scene, 3.5, number, size)
+    assert rows[0]["added_plastic_strain"] > 5e-4 and rows[0]["residual_stress_xx"] < -50e6
+    assert all(row["added_plastic_strain"] == 0.0 for row in rows[1:])
+    assert all(row["plastic_work"] < 0.02 * rows[0]["plastic_work"] for row in rows[1:])
+    *_, before, last = rolled(run_scene, 5.0, number, size)
+    for name in ("added_plastic_strain", "added_section_shear"):
+        assert last[name] == pytest.approx(before[name], rel=0.05)
+    assert last["added_section_shear"] < -3e-3 and last["added_plastic_strain"] > 9e-3
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_row_35_elastic_limit_and_4_35(run_scene):
+    """At 3.0 k nothing yields (the limit is 3.1). At 4.35 k it goes on: passes 2 to 6 add plastic
+    strain alike to 10 %, and shear, less and less of it.
+    """
+    for row in rolled(run_scene, 3.0, 2, 1e-3):
+        assert row["largest_plastic_strain"] == 0.0
+    rows = rolled(run_scene, 4.35, 6, 1e-3)
+    added = [row["added_plastic_strain"] for row in rows[1:]]
+    assert min(added) > 0.9 * max(added) > 1.8e-3
+    shear = [row["added_section_shear"] for row in rows[1:]]
+    assert max(shear) < -2e-4 and shear == sorted(shear)

@@ -120,6 +120,10 @@ def tables(summary: dict[str, Any], folder: Path) -> Iterator["Table"]:
     from workflow.theory.quantity import answers
 
     yield summary_table(summary, folder)
+    if "passes" in summary:
+        from workflow.results.passes import table
+
+        yield table(summary["passes"])
     if (beside := answers(summary["expected"])) is not None:
         yield beside
 

@@ -17,12 +17,14 @@ from workflow.figures.animation import transition
 from workflow.figures.footprint import footprints
 from workflow.figures.history import energy, history, patch_forces, patch_means
 from workflow.figures.mesh import model
+from workflow.figures.passes import passes
 from workflow.figures.placement import placement
 from workflow.figures.plastic import plastic_strain
 from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.section import contact_nodes, cross_section
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
+from workflow.model.residual import last_pass
 from workflow.results.record import Record, whole
 
 if TYPE_CHECKING:
@@ -53,13 +55,15 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
 
 def caption(name: str) -> str:
     """Return the caption of a figure by the name of its file: the docstring of its function."""
-    every: tuple[Callable[[Record], Any], ...] = (*FIGURES, transition)
+    every: tuple[Callable[..., Any], ...] = (*FIGURES, transition, passes)
     figure = next(figure for figure in every if figure.__name__ == name)
     return " ".join((inspect.getdoc(figure) or "").split())
 
 
 def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:
     """Draw all figures of a result folder into its ``figures/`` and return their paths.
+
+    Of several passes it is the figure of all, and those of the last into the folder of that.
 
     Args:
         folder: Result folder of a run.
@@ -68,8 +72,10 @@ def draw(folder: str | Path, modes: Path | None = None) -> list[Path]:
     Raises:
         SceneError: if the folder holds no run, or what it holds cannot be read.
     """
-    record, paths = whole(folder, modes), []
+    record, paths = whole(last_pass(Path(folder)), modes), []
     with style.style():
+        if record.folder != Path(folder) and (fig := passes(Path(folder))) is not None:
+            paths.append(style.save(fig, Path(folder) / "figures" / "passes.png"))
         for figure in FIGURES:
             fig = figure(record)
             if fig is not None:

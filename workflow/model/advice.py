@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from workflow.model.cost import Cost, host_memory, size_in_words, time_in_words
-from workflow.scene.bodies import Orthotropic
+from workflow.scene.bodies import MEMORY, Orthotropic
 from workflow.scene.mesh import Foreign, WheelRailMesh
 from workflow.scene.scene import Scene
 
@@ -33,6 +33,8 @@ def doubts(scene: Scene, cost: Cost | None = None) -> Iterator[str]:
         yield f"time.safety = {scene.time.safety}: beyond the bound of the stable step"
     yield from _bodies(scene)
     yield from _contacts(scene)
+    if scene.passes and not any(body.material.law in MEMORY for body in scene.bodies.values()):
+        yield "passes: no material of the scene has a memory (law = 'j2'): all passes are alike"
     if scene.rolling and abs(scene.rolling.angle_of_attack) > ANGLE:
         yield (
             f"rolling.angle_of_attack = {scene.rolling.angle_of_attack}: beyond the {ANGLE} rad "

@@ -21,6 +21,7 @@ from workflow.model.cost import (
     size_in_words,
     wave_speed,
 )
+from workflow.model.residual import unfit
 from workflow.scene.bodies import FOLLOWING
 from workflow.scene.mesh import (
     BarMesh,
@@ -53,7 +54,7 @@ def check(scene: Scene, mesh: HexMesh | None = None) -> Cost:
     Raises:
         SceneError: naming the keys that no run can have.
     """
-    if wrong := [*_numbers(scene), *_sizes(scene), *_rotations(scene)]:
+    if wrong := [*_numbers(scene), *_sizes(scene), *_rotations(scene), *unfit(scene)]:
         raise SceneError("\n".join(wrong))
     cost = cost_of(scene, mesh)
     if wrong := [*_limits(scene, cost), *_motions(scene, cost)]:

@@ -162,6 +162,9 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
     samples = 0 if interval is None else int(min(time.end / interval, steps))
     rest = scene.equilibrium is not None
     made = isinstance(scene.mesh, WheelRailMesh)
+    seconds = STARTS + extent.cells * (MESHED * made + REST * rest) + outputs * OUTPUT
+    seconds += steps * (STEP + UPDATE * extent.cells)
+    runs = scene.passes.number if scene.passes else 1
     return Cost(
         cells=extent.cells,
         nodes=extent.nodes,
@@ -172,11 +175,8 @@ def cost_of(scene: Scene, mesh: HexMesh | None = None) -> Cost:
         outputs=outputs,
         samples=samples,
         memory=BASE + extent.cells * (PER_CELL + AT_REST * rest),
-        disk=_disk(scene, extent.nodes, outputs, samples),
-        seconds=STARTS
-        + extent.cells * (MESHED * made + REST * rest)
-        + steps * (STEP + UPDATE * extent.cells)
-        + outputs * OUTPUT,
+        disk=runs * _disk(scene, extent.nodes, outputs, samples),
+        seconds=runs * seconds,
     )
 
 

@@ -2,6 +2,7 @@
 """Loads of a scene: gravity and tractions, damping by mass, drive torque, carried mass."""
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -26,6 +27,9 @@ from workflow.model.supports import axle
 from workflow.scene import Scene
 from workflow.scene.settings import Load
 
+if TYPE_CHECKING:
+    from forms.travelling import TravellingLoad
+
 
 def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
     """Return gravity and the loads without ramp as a constant force."""
@@ -41,7 +45,7 @@ def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
         vector.scatter_reverse(la.InsertMode.add)
     nodal = vector.array.reshape(-1, 3)[: domain.owned].copy()
     for load in scene.loads:
-        if not load.ramp:
+        if load.resting:
             nodal += nodal_force(load, domain)
     return DeadLoad(domain.msh.comm, nodal.ravel())
 
@@ -60,6 +64,32 @@ def nodal_force(load: Load, domain: Domain) -> Array:
     if load.pressure:
         force += nodal_pressure(points, quads, load.pressure)
     return np.asarray(force[domain.nodes[: domain.owned]])
+
+
+def travelling_loads(scene: Scene, domain: Domain, dt: float) -> "Iterator[TravellingLoad]":
+    """Yield the loads of a scene that travel; ``dt`` is the step [s]."""
+    for load in scene.loads:
+        if (way := load.travelling) is None:
+            continue
+        from forms.travelling import TravellingLoad, surface_shares  # with scipy's sparse matrices
+
+        quads = domain.source.surface(domain.source.tag(load.surface))
+        shares, x = surface_shares(domain.source.points, quads)
+        nodes = np.unique(quads)
+        dofs = domain.local_dofs(nodes)
+        yield TravellingLoad(
+            comm=domain.msh.comm,
+            dofs=dofs[dofs >= 0],
+            shares=shares[nodes[dofs >= 0]],
+            x=x,
+            traction=np.array(load.traction),
+            half_width=way.half_width,
+            start=way.start,
+            speed=way.velocity,
+            ramp=way.ramp,
+            until=way.until,
+            dt=dt,
+        )
 
 
 def mass_damping(bodies: Bodies, mass: Array, dt: float) -> MassDamping:

@@ -15,7 +15,7 @@ from forms.dilatation import dilatation, dilatation_energy, mean_stress
 from forms.kernel import CellIntegral, CellKernel
 from forms.material_points import Points
 from forms.materials import VOIGT
-from forms.memory import EQUIVALENT
+from forms.memory import EQUIVALENT, FLOW, PLASTIC
 from forms.plasticity import MEMORY_LAWS
 from forms.stretch import deformations
 from meshes.arrays import Array
@@ -76,7 +76,7 @@ class MemoryForce:
         self.cell_fields += (VON_MISES,)
         if bodies.scene.output.stress:
             self.cell_fields += (STRESS, BACK_STRESS) if self._hardens else (STRESS,)
-        self._u, self._split = u, split
+        self._split = split
         self._cells = domain.msh.topology.original_cell_index[self.points.history.cells]
         inside, whole = bodies.zones[name], bodies.whole(name)
         self._at_border = border(domain.source, inside, whole)[self._cells]
@@ -210,15 +210,34 @@ class MemoryForce:
         as VTK has them, xx, yy, zz, xy, yz, xz.
         """
         if name == EQUIVALENT:
-            own = self.points.values()[name].mean(axis=(1, 2))
-        elif name == BACK_STRESS:
+            return self._by_cell(self.points.values()[name].mean(axis=(1, 2)), 0.0)
+        if name == BACK_STRESS:
             values = self.points.values()
             own = np.sum([values[k].mean(axis=1) for k in self._hardens], axis=0)[:, IN_VTK]
         else:
             own = self._stresses(name)
+        return self._by_cell(own, np.nan)
+
+    def cell_plastic_strain(self) -> Array:
+        """Return the mean plastic strain by cell of the mesh, as VTK has tensors; collective.
+
+        On rank 0, ``(cells, 6)``; zero in cells of other bodies, and of laws that have none. At
+        large strain it is ``-sym(F_p⁻¹ - I)``, whose shear is that of simple shear in any amount.
+        """
+        values = self.points.values()
+        if PLASTIC in values:
+            own = values[PLASTIC].mean(axis=1)
+        elif FLOW in values:
+            G = values[FLOW].mean(axis=1).reshape(-1, 3, 3)
+            own = -np.stack([(G[:, i, j] + G[:, j, i]) / 2 for i, j in VOIGT], axis=1)
+        else:
+            own = np.zeros((len(self._cells), len(VOIGT)))
+        return self._by_cell(own[:, IN_VTK], 0.0)
+
+    def _by_cell(self, own: Array, other: float) -> Array:
+        """Return values of this rank's cells by cell of the mesh, on rank 0; collective."""
         parts = self.comm.gather((self._cells, own))
-        shape = (len(self.domain.source.cells) if parts else 0, *own.shape[1:])
-        out = np.full(shape, 0.0 if name == EQUIVALENT else np.nan)
+        out = np.full((len(self.domain.source.cells) if parts else 0, *own.shape[1:]), other)
         for cells, values in parts or ():
             out[cells] = values
         return out
@@ -228,7 +247,7 @@ class MemoryForce:
         if name not in self._stress_kernels:
             single = name == VON_MISES
             shape = ("DG", 0) if single else ("DG", 0, (6,))
-            density = (self.points.von_mises if single else self.points.stress)(self._u)
+            density = (self.points.von_mises if single else self.points.stress)(self.u)
             space = fem.functionspace(self.domain.msh, shape)
             self._stress_kernels[name] = self.points.cell_integral(density, space)
         width = 1 if name == VON_MISES else 6
@@ -247,7 +266,7 @@ class MemoryForce:
         if self._mean_stress is None:
             Q = fem.functionspace(self.domain.msh, ("DG", 0))
             material, dx = self.points.point.material, self.points.dx
-            form = mean_stress(self._u, material, rotating=self.points.rotating)
+            form = mean_stress(self.u, material, rotating=self.points.rotating)
             self._mean_stress = CellKernel(form * ufl.TestFunction(Q) * one_point(dx))
         sums = np.zeros(len(self._sums))
         self._mean_stress.add(sums)

@@ -27,6 +27,7 @@ from workflow.model.loads import (
     drive_torque,
     mass_damping,
     ramped_loads,
+    travelling_loads,
 )
 from workflow.model.state import Item, State
 from workflow.model.step import first_step, step_bound
@@ -64,6 +65,7 @@ class Model:
         placement: Where wheel and rail stand, if the scene has them.
         added_mass: What mass scaling has added, if the scene asks for it.
         doubts: What is likely to go wrong with its settings, in words.
+        left: Displacement without loads that earlier passes have left, if there were any.
         own_laws: Laws and items that are not the scene's: the name of each by body, contact or
             place in the list.
     """
@@ -82,6 +84,7 @@ class Model:
     placement: Any = None
     added_mass: "AddedMass | None" = None
     doubts: list[str] = field(default_factory=list)
+    left: fem.Function | None = None
     own_laws: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -213,9 +216,10 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
         domain,
     )
     items: list[Any] = [*internal_forces(bodies, state, log)]
-    if scene.gravity is not None or any(not load.ramp for load in scene.loads):
+    if scene.gravity is not None or any(load.resting for load in scene.loads):
         items.insert(1, dead_load(scene, domain))
     items += ramped_loads(scene, domain)
+    items += travelling_loads(scene, domain, dt)
     if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))
     if scene.rolling is not None and scene.rolling.traction_coefficient > 0:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from workflow.figures import gallery
+from workflow.model.residual import last_pass
 from workflow.report.checks import Check, checks
 from workflow.report.tables import (
     contact_tables,
@@ -27,6 +28,8 @@ from workflow.report.tables import (
     settings,
 )
 from workflow.results import atomic
+from workflow.results.passes import rows_of
+from workflow.results.passes import table as table_of_passes
 from workflow.results.record import Record, whole
 from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
@@ -46,28 +49,36 @@ def report(folder: str | Path, modes: Path | None = None) -> Path:
     Raises:
         SceneError: if the folder holds no run, or what it holds cannot be read.
     """
-    record = whole(folder, modes)
-    pictures = gallery.draw(record.folder, modes)
-    page = render(contents(record, pictures))
-    path = record.folder / "report.html"
+    record = whole(last_pass(Path(folder)), modes)
+    pictures = gallery.draw(folder, modes)
+    page = render(contents(record, pictures, Record(folder)))
+    path = Path(folder) / "report.html"
     atomic.replace(path, page.encode())
     return path
 
 
-def contents(record: Record, pictures: Sequence[Path]) -> dict[str, Any]:
-    """Return what the template shows, by name."""
-    summary, log = read_summary(record.folder), read_log(record.folder)
+def contents(record: Record, pictures: Sequence[Path], top: Record | None = None) -> dict[str, Any]:
+    """Return what the template shows, by name.
+
+    Args:
+        record: The run; of several passes the last.
+        pictures: Its figures.
+        top: The folder of all passes, if there are several.
+    """
+    top = top or record
+    summary, log = read_summary(top.folder), read_log(record.folder)
     found = checks(record, summary)
     return {
-        "scene": record.checked,
-        "about": about(record.checked.name),
+        "scene": top.checked,
+        "about": about(top.checked.name),
         "summary": summary,
         "status": summary.get("status", UNFINISHED),
         "in_short": in_short(record, summary, found),
-        "resume": how_to_resume(record.folder, summary),
+        "resume": how_to_resume(top.folder, summary),
+        "passes": table_of_passes(rows) if (rows := rows_of(top.folder)) else None,
         "model": model_table(record, summary),
         "others": other_table(summary),
-        "settings": settings(record.checked),
+        "settings": settings(top.checked),
         "audit": [line for line in log if " audit: " in line],
         "log": shortened([line for line in log if " audit: " not in line]),
         "checks": found,
@@ -77,7 +88,7 @@ def contents(record: Record, pictures: Sequence[Path]) -> dict[str, Any]:
         "energy": energy_table(record),
         "phases": phase_table(summary),
         "figures": [embedded(p, k) for k, p in enumerate(pictures, 1)],
-        "command": command(record),
+        "command": command(top),
     }
 
 

@@ -32,6 +32,7 @@ from workflow.scene.settings import (
     Load,
     MassScaling,
     Output,
+    Passes,
     Probe,
     Rolling,
     Section,
@@ -92,6 +93,8 @@ class Scene(Section):
     """Rest before time zero; without it the run starts undeformed."""
     probes: list[Probe] = Field(default_factory=list)
     """Places whose motion is sampled."""
+    passes: Passes | None = None
+    """Runs one after the other over the same steel."""
     mass_scaling: MassScaling | None = None
     """Density added to few cells that would shorten the step."""
     time: Time
@@ -142,7 +145,7 @@ class Scene(Section):
                     f"mesh.kind = {self.mesh.kind!r}: rolling expects 'wheel-on-rail', 'file' or "
                     "'gmsh'"
                 )
-        dead = any(not load.ramp for load in self.loads) or any(self.gravity or ())
+        dead = any(load.resting for load in self.loads) or any(self.gravity or ())
         if self.equilibrium and not (dead or self.driven):
             raise ValueError(
                 "equilibrium: expected gravity, loads without ramp or a driven body to bring to "
@@ -150,6 +153,10 @@ class Scene(Section):
             )
         if self.equilibrium and self.equilibrium.shift and not self.rolling:
             raise ValueError("equilibrium.shift: expected a [rolling] wheelset to move, got none")
+        if self.passes and (moved := [s.surface for s in self.supports if s.velocity]):
+            raise ValueError(
+                f"passes: expected supports at rest, got {moved} moved, which no pass moves back"
+            )
         sampled = self.output.sample_interval
         if sampled is not None and sampled > self.time.end:
             raise ValueError(
@@ -348,8 +355,8 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the tables of a built-in scene or a TOML file, unchecked.
 
     A file with ``base`` starts from that scene, built-in or a file beside it, and has its own keys
-    put over it. Paths of meshes, models of gmsh and profiles are relative to the TOML file that
-    names them.
+    put over it. Paths of meshes, models of gmsh, profiles and runs are relative to the TOML file
+    that names them.
 
     Args:
         source: Name of a built-in scene, or path of a TOML file.
@@ -364,6 +371,8 @@ def read(source: str | Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
     if isinstance(mesh, dict):
         for key in mesh.keys() & {name.removeprefix("mesh.") for name in FILES}:
             mesh[key] = beside(folder, mesh[key])
+    if isinstance(passes := tables.get("passes"), dict) and "after" in passes:
+        passes["after"] = beside(folder, passes["after"])
     base, above = tables.pop("base", None), (*above, str(source))
     if base is None:
         return tables

@@ -3,9 +3,10 @@
 
 from collections.abc import Iterator
 from math import hypot
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from workflow.scene.contacts import FrictionLaw
 from workflow.scene.units import (
@@ -191,8 +192,35 @@ class Driven(Section):
         return Support(surface=self.surface, directions=["x", "y", "z"])
 
 
+class Travelling(Section):
+    """A semi-ellipse along x, as Hertz's pressure, that comes, passes and goes."""
+
+    half_width: Length = Field(examples=[0.004])
+    """Half width of the semi-ellipse, whose largest value is `traction`."""
+    start: Position = Field(examples=[-0.02])
+    """Place of its middle along x at time zero."""
+    velocity: Speed = Field(examples=[150.0])
+    """Speed along x."""
+    ramp: Duration = Field(examples=[2e-5])
+    """Time in which it comes up, smoothly, and in which it goes."""
+    until: Duration = Field(examples=[2.7e-4])
+    """Time at which it has gone."""
+
+    @model_validator(mode="after")
+    def _comes_up(self) -> Self:
+        if self.until < 2 * self.ramp:
+            raise ValueError(
+                f"loads: travelling.until = {self.until}: expected at least 2 ramps, "
+                f"{2 * self.ramp} s"
+            )
+        return self
+
+
 class Load(Section):
-    """A dead traction, or a pressure along the normal, on a surface as it is undeformed."""
+    """A dead traction, a pressure along the normal, or a traction that travels, on a surface.
+
+    The surface is that of the undeformed body.
+    """
 
     surface: str
     """Surface that is loaded."""
@@ -202,6 +230,21 @@ class Load(Section):
     """Pressure against the undeformed surface; positive pushes into the body."""
     ramp: Delay = 0.0
     """Time from zero on in which the load comes up, smoothly; 0: it acts always, at rest too."""
+    travelling: Travelling | None = None
+    """How its traction travels; left out, it rests on the whole surface."""
+
+    @property
+    def resting(self) -> bool:
+        """Whether it acts always, at rest too."""
+        return not self.ramp and self.travelling is None
+
+    @model_validator(mode="after")
+    def _travels_alone(self) -> Self:
+        if self.travelling is not None and (self.ramp or self.pressure):
+            raise ValueError(
+                "loads: travelling: expected a traction, without ramp or pressure, got both"
+            )
+        return self
 
 
 class Rolling(Section):
@@ -325,6 +368,23 @@ class Output(Section):
     """Steps between two checkpoints, besides."""
     log: Literal["text", "json"] = "text"
     """`json` writes `run.jsonl` besides `run.log`, one JSON object a line."""
+
+
+class Passes(Section):
+    """Runs one after the other over the same steel, which keeps what each has done to it."""
+
+    number: Count = 1
+    """Number of runs; each but the first begins where the one before has left the steel."""
+    after: str | None = Field(default=None, examples=["runs/first"])
+    """Folder of a run with `[passes]` whose steel the first one begins with."""
+    section: tuple[Position, Position] | None = Field(default=None, examples=[[0.0, 0.0]])
+    """x and y of the cells whose depth profile is kept; left out, where the first run strains most.
+    """
+
+    @field_validator("after")
+    @classmethod
+    def _absolute(cls, after: str | None) -> str | None:
+        return after and str(Path(after).absolute())  # a result's scene.toml runs from anywhere
 
 
 class MassScaling(Section):

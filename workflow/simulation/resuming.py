@@ -15,6 +15,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from workflow.model.residual import passes_in
 from workflow.results.folder import outputs_in, put_aside
 from workflow.scene import Scene, SceneError
 from workflow.simulation.checkpoint import Checkpoint, check_same, file_of, read
@@ -79,6 +80,10 @@ def on_all(comm: MPI.Comm, work: Callable[[], Any]) -> Any:
 
 def _finished(folder: Path, scene: Scene, own: dict[str, str]) -> dict[str, Any] | None:
     made = folder / "scene.toml"
+    if there := passes_in(folder):
+        raise SceneError(
+            f"passes.number: {str(folder)!r} holds {len(there)} passes; expected two or more"
+        )
     if not made.is_file():
         if outputs_in(folder):
             raise SceneError(
@@ -86,7 +91,7 @@ def _finished(folder: Path, scene: Scene, own: dict[str, str]) -> dict[str, Any]
                 "expected a new folder"
             )
         return None
-    check_same(_tables(made), scene, "folder")
+    check_same(tables_of(made), scene, "folder")
     summary = summary_of(folder)
     if summary.get("status") != "done":
         return None
@@ -96,7 +101,7 @@ def _finished(folder: Path, scene: Scene, own: dict[str, str]) -> dict[str, Any]
     return None if late else summary
 
 
-def _tables(made: Path) -> dict[str, Any]:
+def tables_of(made: Path) -> dict[str, Any]:
     """Return the tables of the scene in a folder, with the defaults of today where it is whole."""
     try:
         tables = tomllib.loads(made.read_text("utf-8"))

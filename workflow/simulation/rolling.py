@@ -103,15 +103,17 @@ def convected(model: Model, flows: Mapping[str, Any]) -> Array:
     """Nodal ``∇w · flow`` by lumped projection, shape ``(owned, 3)`` [m/s].
 
     Args:
-        model: The model at rest, with the displacement w.
+        model: The model at rest, with the displacement w; what earlier passes have left stays
+            with the material and is not part of the pattern.
         flows: Velocity of the material through the pattern by body name; the others are left out.
     """
     scene, domain = model.scene, model.domain
-    w = ufl.TestFunction(domain.V)
+    w, u = ufl.TestFunction(domain.V), model.state.u
+    pattern = ufl.grad(u) if model.left is None else ufl.grad(u) - ufl.grad(model.left)
     dx = full(domain.msh, domain.regions)
     form = sum(
         model.bodies.inertial_density(name)
-        * ufl.inner(ufl.grad(model.state.u) * velocity, w)
+        * ufl.inner(pattern * velocity, w)
         * dx(model.bodies.tags(scene.bodies[name]))
         for name, velocity in flows.items()
     )

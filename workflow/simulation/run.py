@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ def run(
     Args:
         scene: What to run.
         out: Result folder; made if missing, must not hold a run unless ``resume``. It is this
-            run's alone while it lasts.
+            run's alone while it lasts. Passes of a scene that has several go into folders of it.
         comm: Ranks that share the run.
         watch: Called with the model at every step, for experiments.
         laws: Material laws of your own by body name, in place of the scene's.
@@ -97,7 +98,14 @@ def run(
         Interrupted: SIGINT, SIGTERM or SIGHUP came; there is a checkpoint if stepping had begun.
         Alone: an error of this rank alone, which the others wait for: end them.
     """
-    began, clock, items = time.perf_counter(), Clock(), tuple(items)
+    items = tuple(items)
+    if scene.passes is not None and scene.passes.number > 1:
+        from workflow.simulation.passes import run_passes
+
+        one = partial(run, comm=comm, watch=watch, laws=laws, friction=friction, items=items)
+        one = partial(one, mesh=mesh, quiet=quiet)
+        return run_passes(scene, out, comm, one, quiet=quiet, resume=resume)
+    began, clock = time.perf_counter(), Clock()
     progress = Progress(comm.rank == 0, quiet, clock)
     with interrupts.raised(), occupied(out, comm, "squealx run", resume=resume) as folder:
         point = None
@@ -120,6 +128,7 @@ def run(
                     for job.energy, job.error in steps(job, watch, resumed=point is not None):
                         pass
                 store(job)
+                leave_residual(job)
             return Result(folder, job.summary)
 
 
@@ -234,6 +243,15 @@ def store(job: Job) -> None:
     job.results.flush()
 
 
+def leave_residual(job: Job) -> None:
+    """Write what the next pass begins with, if the scene has passes."""
+    if job.model.scene.passes is not None:
+        from workflow.simulation.residual import leave
+
+        with job.clock.phase("equilibrium"):
+            leave(job.model, job.results.folder)
+
+
 def conclude(job: Job) -> None:
     """Write what is left and the summary; if it is a full disk that ended the run, say so."""
     model, results, status = job.model, job.results, job.summary["status"]
@@ -257,6 +275,10 @@ def begin(job: Job) -> None:
     model = job.model
     for line in step_report(model.bodies, model.mass.array, model.dt, model.dt_bound):
         job.progress.note(line)
+    if model.scene.passes is not None:
+        from workflow.simulation.residual import take
+
+        take(model)
     with job.clock.phase("equilibrium"):
         start(model, job.progress.log)
     if model.placement is not None:

@@ -82,13 +82,10 @@ def growth_map(summary: dict[str, Any]) -> "Figure":
             at = angles.index(row["angle"]), friction.index(row["friction"])
             growth[at], pitch[at] = row["growth_rate"], row["frequency"] / 1e3
     fig = style.figure(style.PAGE, 3.0)
-    titles = ("growth rate [1/s]", "frequency [kHz]")
-    for axes, values, title, colours in zip(
-        fig.subplots(1, 2, sharey=True),
-        (growth, pitch),
-        titles,
-        ("magma_r", "viridis"),
-        strict=True,
+    left, right = fig.subplots(1, 2, sharey=True)
+    for axes, values, title, colours in (
+        (left, growth, "growth rate [1/s]", "magma_r"),
+        (right, pitch, "frequency [kHz]", "viridis"),
     ):
         shown = axes.pcolormesh(
             friction, 1e3 * np.array(angles), values, cmap=colours, shading="nearest"

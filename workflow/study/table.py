@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workflow.model.residual import last_pass
 from workflow.results.record import Record
 from workflow.results.table import Column, Table
 from workflow.study import folder as study_folder
@@ -57,8 +58,9 @@ def _row(folder: Path, name: str, about: Mapping[str, Any]) -> Row:
     row["status"] = study_folder.reason(folder, name)
     if row["status"] != "done":
         return row
-    summary, record = study_folder.summary(folder, name), Record(folder / "runs" / name)
+    summary, record = study_folder.summary(folder, name), Record(last_pass(folder / "runs" / name))
     row |= dict(_numbers(summary)) | dict(_patches(record))
+    row |= summary["passes"][-1] if "passes" in summary else {}
     if answers := summary.get("expected"):
         first = worst_of_patches(answers) if record.wheel_on_rail else answers[0]
         row |= {"closed_form": first["quantity"], "closed_form_error": abs(first["error"])}

@@ -77,7 +77,9 @@ def coulomb(contact: Contact) -> float | None:
 
 def pressed(scene: Scene) -> float | None:
     """Return the pressure of the one load of a scene, on its top [Pa]; None if there is another."""
-    if len(scene.loads) != 1 or scene.loads[0].surface != "zmax" or pushed(scene.loads[0]):
+    if len(scene.loads) != 1 or scene.loads[0].surface != "zmax":
+        return None
+    if pushed(scene.loads[0]) or scene.loads[0].travelling:
         return None
     along, across, up = scene.loads[0].traction
     return -up if up < 0 and not (along or across) else None

@@ -154,8 +154,9 @@ def on_plane(scene: Scene) -> tuple[float, Exponential] | None:
         return None
     if wall.normal[0] or wall.normal[1] or wall.normal[2] <= 0 or load.surface != "zmax":
         return None
-    moving = any(b.velocity for b in scene.bodies.values()) or scene.driven
-    if moving or not scene.equilibrium or load.traction[1] or load.traction[2] >= 0:
+    if any(b.velocity for b in scene.bodies.values()) or scene.driven or load.travelling:
+        return None
+    if not scene.equilibrium or load.traction[1] or load.traction[2] >= 0:
         return None
     across = all(s.directions == ["y"] and not s.velocity for s in scene.supports)
     return (-load.traction[2] * mesh.length * mesh.width, law) if across else None
