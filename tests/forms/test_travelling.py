@@ -8,7 +8,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from forms.travelling import TravellingLoad, smooth, surface_shares
+from forms.loads import smooth_step
+from forms.travelling import TravellingLoad, surface_shares
 
 A, SPEED, RAMP, UNTIL = 5e-3, 50.0, 4e-5, 4e-4
 
@@ -53,7 +54,7 @@ def test_it_comes_and_goes(load, t, share):
     _, load = load
     total = load.at(t).sum()
     assert total == pytest.approx(share * np.pi / 2 * A * 1e-3, rel=5e-3, abs=1e-12)
-    assert smooth(-1.0) == 0.0 and smooth(2.0) == 1.0
+    assert smooth_step(-1.0) == 0.0 and smooth_step(2.0) == 1.0
 
 
 def test_work_of_a_surface_that_sinks_evenly(load):
