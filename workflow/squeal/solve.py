@@ -27,7 +27,7 @@ TOLERANCE = 1e-10  # of an eigenvalue
 SHIFT = 0.5  # over the highest frequency
 MORE = 10  # eigenvalues that are looked for besides those that a frictionless contact has
 WIDER = 1.1  # reach of what is found over what is asked: growing modes lie aside
-BEYOND = 2.0  # highest frequency of the real modes over that asked for
+BEYOND = 1.3  # highest frequency of the real modes over that asked for
 ALIKE = 1e-10  # share of a shape that others do not have, below which it is left out
 
 
