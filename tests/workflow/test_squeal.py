@@ -3,6 +3,7 @@
 
 import json
 import sys
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -11,6 +12,9 @@ import pytest
 
 from workflow import Scene, SceneError, build
 from workflow.cli import main
+from workflow.squeal.pencil import pencil
+from workflow.squeal.sliding import drift_at
+from workflow.squeal.solve import projection
 from workflow.squeal.squeal import squeal
 from workflow.squeal.steady import steady
 
@@ -52,6 +56,37 @@ def test_two_roads():
     assert few["frequency"] == pytest.approx(full["frequency"], rel=1e-3)
     assert few["growth_rate"] == pytest.approx(full["growth_rate"], rel=1e-2)
     assert full["fed_by"]["face"] == pytest.approx(full["growth_rate"], rel=1e-6)
+
+
+def test_friction_of_shapes_is_that_of_the_matrices():
+    """In few shapes the rows of the contacts give the friction that the full matrices give."""
+    model = build(block(), MPI.COMM_SELF)
+    found = steady(model)
+    few = projection(pencil(model, found), TOP)
+    again = few.rubbed(found)
+    for name in ("K_f", "C_f"):
+        whole = getattr(few, name)
+        assert np.abs(whole).max() > 0
+        np.testing.assert_allclose(getattr(again, name), whole, atol=1e-9 * np.abs(whole).max())
+
+
+def test_angle_of_attack_is_a_drift():
+    """A wheel led along the rail at 20 mrad slides at V tan(0.02) already; at 40 mrad twice."""
+    scene = Scene.load("steady-curving")
+    model = SimpleNamespace(scene=scene)
+    speed = scene.rolling.speed * np.tan(0.02)
+    assert np.linalg.norm(drift_at(model, 0.02)) < 1e-3 * speed
+    more = drift_at(model, 0.04)
+    assert np.linalg.norm(more) == pytest.approx(speed, rel=2e-3)
+    assert more[1] < 0  # with the support that takes the drift away
+
+
+def test_angles_need_a_wheel(command):
+    """A map over angles of attack of a block ends with code 2, as do angles of a right corner."""
+    done = command("squeal", "sliding-block", "--angles", "0.02", check=False)
+    assert done.returncode == 2 and "[rolling]" in done.stderr
+    done = command("squeal", "steady-curving", "--angles", "1.5", check=False)
+    assert done.returncode == 2 and "0.2 rad" in done.stderr
 
 
 def test_stick_is_symmetric():

@@ -64,6 +64,7 @@ def root_locus(summary: dict[str, Any]) -> "Figure":
     rate.set_xlabel("coefficient of friction")
     rate.set_ylabel("growth rate [1/s]")
     rate.set_xlim(pitch.get_xlim())
+    rate.set_ylim(bottom=0.0)
     fig.suptitle(f"{summary['scene']}: red grows", x=0.01, ha="left", fontsize=8)
     return fig
 
