@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 import numpy as np
-from scipy.linalg import eig
+from scipy.linalg import eig, eigvals
 
 from meshes.arrays import Array, Index
 from workflow.modes.solve import BELOW, below, direct, within
@@ -160,22 +160,20 @@ class Projection:
     K_f: Array
     C_f: Array
 
-    def values(self, share: float) -> tuple[Complex, Complex]:
-        """Return all eigenvalues and vectors with so much of the friction, shapes (2 r,), (r, 2 r).
+    def values(self, share: float) -> Complex:
+        """Return all eigenvalues with so much of the friction, shape ``(2 r,)`` [1/s].
 
         Args:
             share: What the coefficients of friction are over those of the scene.
         """
-        r = len(self.V)
-        scale = np.sqrt(np.linalg.norm(self.K + share * self.K_f, 2))
-        companion = np.block(
-            [
-                [np.zeros((r, r)), np.eye(r)],
-                [-(self.K + share * self.K_f) / scale**2, -(self.C + share * self.C_f) / scale],
-            ]
-        )
-        values, vectors = eig(companion)
-        return values * scale, vectors[:r]
+        companion, scale = self._companion(share)
+        return np.asarray(eigvals(companion) * scale)
+
+    def _companion(self, share: float) -> tuple[Array, float]:
+        """Return the matrix of first order, and the scale of its eigenvalues [1/s]."""
+        r, K, C = len(self.V), self.K + share * self.K_f, self.C + share * self.C_f
+        scale = float(np.sqrt(np.linalg.norm(K, 2)))
+        return np.block([[np.zeros((r, r)), np.eye(r)], [-K / scale**2, -C / scale]]), scale
 
     def rubbed(self, faces: list[Face]) -> "Projection":
         """Return the same motions with the friction of these contacts; collective."""
@@ -204,7 +202,9 @@ class Projection:
     def eigen(self, top: float) -> Eigen:
         """Return the eigenvalues up to a frequency [Hz] with the friction of the scene."""
         comm = self.pencil.comm
-        values, vectors = comm.bcast(self.values(1.0))  # to the last digit the same on all ranks
+        companion, scale = self._companion(1.0)
+        values, vectors = comm.bcast(eig(companion))  # to the last digit the same on all ranks
+        values, vectors = values * scale, vectors[: len(self.V)]
         kept = np.abs(values) < WIDER * 2 * np.pi * top
         return sorted_upper(self.pencil, values[kept], vectors[:, kept].T @ self.V)
 

@@ -264,7 +264,7 @@ def locus(
     own = mean_friction(faces)
     found = []
     for f in friction:
-        values, _ = few.pencil.comm.bcast(few.values(f / own))
+        values = few.pencil.comm.bcast(few.values(f / own))
         values = np.sort_complex(-1j * values[vibrates(values, top)])
         modes = [
             {"frequency": float(v.real / (2 * np.pi)), "growth_rate": -float(v.imag)}
