@@ -82,6 +82,8 @@ ENERGY = {
     "contact": "#009e73",
     "spring": "#7a5195",
     "friction_dissipation": "#c8102e",
+    "hardening": "#f0a202",
+    "plastic_dissipation": "#3b6e3b",
     "damping": "#8c6d31",
     "external_work": "#56b4e9",
 }

@@ -85,7 +85,7 @@ def contents(record: Record, pictures: Sequence[Path], top: Record | None = None
         "expected": answers(summary.get("expected", ())),
         "contacts": contact_tables(record),
         "events": event_table(record),
-        "energy": energy_table(record),
+        "energy": energy_table(record, summary),
         "phases": phase_table(summary),
         "figures": [embedded(p, k) for k, p in enumerate(pictures, 1)],
         "command": command(top),

@@ -192,12 +192,14 @@ ENERGY = (
 )
 
 
-def energy_table(record: Record) -> Table | None:
+def energy_table(record: Record, summary: dict[str, Any]) -> Table | None:
     """Return every term of the ledger at the first and last output."""
     history = record.history
     if not len(history.get("t", ())):
         return None
-    terms = [f.name for f in fields(Energy) if f.name in history]
+    own = (summary.get("energy") or {}).keys() - {"balance_error"}
+    known = [f.name for f in fields(Energy)]
+    terms = [name for name in (*known, *sorted(own - {*known})) if name in history]
     rows = [(k.replace("_", " "), *history[k][[0, -1]]) for k in terms]
     worst = float(np.max(np.abs(history["balance_error"])))
     note = (
