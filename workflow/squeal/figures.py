@@ -70,7 +70,7 @@ def root_locus(summary: dict[str, Any]) -> "Figure":
 
 
 def growth_map(summary: dict[str, Any]) -> "Figure":
-    """Growth rate and frequency of the mode that grows fastest, over friction and angle of attack.
+    """Growth rate and frequency of the audible mode that grows fastest, over friction and angle.
 
     White where nothing grows. The normal forces are those of the scene, every patch slides.
     """

@@ -38,6 +38,7 @@ RIGID = 1.0  # Hz: slower, and no faster in growth, is no vibration
 UNSTABLE = 1e-7  # growth over |λ| from which it is beyond the eigenvalues' tolerance
 SHOWN = 20  # rows of the table
 FOLLOWED = 16  # coefficients of friction
+AUDIBLE = 20.0  # Hz
 MOST_ANGLE = 0.2  # rad: a wheel climbs long before
 
 
@@ -282,7 +283,7 @@ def over_angles(
     friction: Sequence[float],
     top: float,
 ) -> list[dict[str, Any]]:
-    """Return the mode that grows fastest at each angle of attack and coefficient of friction.
+    """Return the audible mode that grows fastest at each angle of attack and coefficient.
 
     The normal forces are those of the state of the scene; which way the patches slide, and how
     fast, is that of the angle.
@@ -291,7 +292,8 @@ def over_angles(
     for angle in angles:
         turned = faces(model, None, sticking, drift_at(model, angle))
         for row in locus(few.rubbed(turned), turned, friction, top):
-            most = max(row["modes"], key=lambda mode: mode["growth_rate"], default=None)
+            heard = [mode for mode in row["modes"] if mode["frequency"] >= AUDIBLE]
+            most = max(heard, key=lambda mode: mode["growth_rate"], default=None)
             found.append({"angle": float(angle), "friction": row["friction"], **(most or {})})
     return found
 
