@@ -104,7 +104,10 @@ DRAWN = st.tuples(
 )
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, marks=pytest.mark.long if c[2] is not None else ()) for c in CASES],
+)
 def test_row_6_cell_bound_is_never_exceeded(case):
     """Largest cell eigenvalue ≥ largest assembled one (Irons and Treharne), and not wildly above.
 

@@ -148,7 +148,13 @@ def test_a_set_key_may_not_be_varied(written):
         study.runs_of(study.load(path), {"mesh.size": 1e-3})
 
 
-@pytest.mark.parametrize("name", study.names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.long if n == "patches-against-time" else ())
+        for n in study.names()
+    ],
+)
 def test_built_in_studies_are_valid(name):
     """Every run of theirs, and every comparison they ask for."""
     asked = study.load(name)
