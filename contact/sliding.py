@@ -107,10 +107,7 @@ def sliding(
     springs = side.springs_at_rest(state)
     h, on = side.contact_state, springs.gap < 0.0
     c, normal = springs.number[on], springs.normal[on]
-    w = side.velocity(c, state) if slip is None else np.broadcast_to(slip, normal.shape)
-    w = w if drift is None else w + drift
-    w = w - np.einsum("ma,ma->m", w, normal)[:, None] * normal
-    speed = np.linalg.norm(w, axis=1)
+    along, speed = slips(side, c, normal, state, slip, drift)
     if (still := speed < STILL).any():
         raise ValueError(f"{still.sum()} of {len(c)} contacts do not slide")
     force = springs.stiffness[on] * -springs.gap[on]
@@ -122,7 +119,7 @@ def sliding(
         nodes=springs.nodes[on],
         weight=springs.weight[on],
         normal=normal,
-        along=w / speed[:, None],
+        along=along,
         speed=speed,
         normal_force=force,
         stiffness=springs.stiffness[on],
@@ -132,6 +129,31 @@ def sliding(
         steepness=steepness,
         slope=slope,
     )
+
+
+def slips(
+    side: Pass,
+    c: Index,
+    normal: Array,
+    state: State,
+    slip: Array | None = None,
+    drift: Array | None = None,
+) -> tuple[Array, Array]:
+    """Return directions of slip, zero where there is none, and slip rates [m/s]; collective.
+
+    Args:
+        side: One pass of a contact.
+        c: Contacts, shape ``(m,)``.
+        normal: Normals of the target, shape ``(m, 3)``.
+        state: As for :func:`sliding`.
+        slip: As there.
+        drift: As there.
+    """
+    w = side.velocity(c, state) if slip is None else np.broadcast_to(slip, normal.shape)
+    w = w if drift is None else w + drift
+    w = w - np.einsum("ma,ma->m", w, normal)[:, None] * normal
+    speed = np.linalg.norm(w, axis=1)
+    return w / np.maximum(speed, 1e-300)[:, None], speed
 
 
 def slopes(

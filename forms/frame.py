@@ -20,6 +20,7 @@ from dolfinx import fem
 
 from forms.nodal import lib, pointer
 from meshes.arrays import Array, Dofs
+from meshes.rotation import nearest_rotation
 
 INTERVAL = 64  # steps; a wheel turns by 1e-3 rad in ten times as many
 
@@ -51,18 +52,12 @@ class TurningFrames:
         return self._own
 
     def follow(self, u: Array) -> None:
-        """Turn the frames as far as the bodies have turned.
-
-        The rotation is the polar part of ``Σ (x − x̄) (X − X̄)ᵀ``, the best fit in least squares.
-        """
+        """Turn the frames as far as the bodies have turned."""
         for k, dofs in enumerate(self._bodies, 1):
             if len(dofs) < 3:
                 continue
             X = self._place[dofs]
-            x = X + u.reshape(-1, 3)[dofs]
-            left, _, right = np.linalg.svd((x - x.mean(axis=0)).T @ (X - X.mean(axis=0)))
-            left[:, 2] *= np.linalg.det(left @ right)  # no reflection
-            self.turn[k] = left @ right
+            self.turn[k] = nearest_rotation(X, X + u.reshape(-1, 3)[dofs])
 
     def enter(self, u: Array, v: Array) -> None:
         """Set displacement and velocity from those of the bodies, ``(3 n_local,)`` each."""

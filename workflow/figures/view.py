@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from meshes.arrays import Array, Index
+from meshes.rotation import nearest_rotation
 from workflow.figures import style
 from workflow.figures.view3d import EDGE, plotter, volume
 from workflow.results.footprints import Facets, read
@@ -139,14 +140,8 @@ def _lift(foot: Facets) -> Array:
 
 
 def carried(X: Array, x: Array) -> Array:
-    """Return points ``X`` moved by the rigid motion that is nearest to ``x``, ``(n, 3)`` [m].
-
-    Least squares by a singular value decomposition (Kabsch 1976).
-    """
-    A, B = X - X.mean(axis=0), x - x.mean(axis=0)
-    U, _, Vt = np.linalg.svd(A.T @ B)
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    return np.asarray(A @ (U @ mirror @ Vt) + x.mean(axis=0))
+    """Return points ``X`` moved by the rigid motion that is nearest to ``x``, ``(n, 3)`` [m]."""
+    return np.asarray((X - X.mean(axis=0)) @ nearest_rotation(X, x).T + x.mean(axis=0))
 
 
 def open_window(view: View) -> None:

@@ -17,6 +17,7 @@ from dolfinx import fem, la
 
 from forms.memory import EQUIVALENT
 from meshes.arrays import Array, Index
+from meshes.rotation import nearest_rotation
 from workflow.model import Model
 from workflow.model.memory import STRESS, MemoryForce
 from workflow.model.regions import surface_nodes
@@ -142,7 +143,7 @@ def put_back(model: Model) -> None:
 
 
 def deformation(points: Array, u: Array, rigid: Index, nodes: Index) -> Array:
-    """Return the displacement of nodes less the rigid motion that fits others best (Kabsch).
+    """Return the displacement of nodes less the rigid motion that fits others best.
 
     Args:
         points: Places of all nodes, shape ``(n, 3)`` [m].
@@ -152,10 +153,8 @@ def deformation(points: Array, u: Array, rigid: Index, nodes: Index) -> Array:
     """
     X, x = points[rigid], points[rigid] + u[rigid]
     before, after = X.mean(axis=0), x.mean(axis=0)
-    U, _, Vt = np.linalg.svd((X - before).T @ (x - after))
-    U[:, 2] *= np.sign(np.linalg.det(U @ Vt))  # a rotation, no reflection
-    # rows: x - after = (X - before) @ (U Vt)
-    return np.asarray((points[nodes] + u[nodes] - after) @ (U @ Vt).T + before - points[nodes])
+    turned_back = (points[nodes] + u[nodes] - after) @ nearest_rotation(X, x)
+    return np.asarray(turned_back + before - points[nodes])
 
 
 def unload(model: Model) -> None:

@@ -8,6 +8,7 @@ is driven by what holds its axle.
 """
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import la
@@ -15,6 +16,7 @@ from scipy.linalg import eigh
 
 from contact.friction import LawState, coefficients
 from contact.one_pass import Pass
+from contact.sliding import slips
 from contact.tangent import RestSprings
 from meshes.arrays import Array
 from workflow.model import Model
@@ -81,27 +83,10 @@ def settle(model: Model, slip: Array | None, sticking: Collection[str], log: Log
     else:
         settings = settings.model_copy(update={"hold": []})
         free = free_motions(model, faces(model, slip, sticking))
-    owned = 3 * model.domain.owned
-
-    def resting() -> list[Face]:
-        """Return the contacts that slide; the forces of springs in stick are not known at rest."""
-        return [face for face in faces(model, slip, sticking) if not face.sticks]
-
-    def friction(state: State, force: la.Vector) -> None:
-        """Add the friction of what touches at present."""
-        force.array[:owned] += friction_of(model, resting())
-
-    stuck = [side for name in sticking for side in model.pairs[name].passes]
-
-    def pushing(side: Pass, springs: RestSprings) -> Array:
-        """Return the force of contacts per normal force."""
-        if side in stuck:
-            return springs.normal
-        return slanted(side, springs, model, slip)
-
-    problem = AtRest(model, settings, always, friction, free)
+    rubbing = Rubbing(model, slip, frozenset(sticking))
+    problem = AtRest(model, settings, always, rubbing.friction, free)
     try:
-        equilibrium(problem, lambda line: log(f"sliding, {line}"), pushing)(False)
+        equilibrium(problem, lambda line: log(f"sliding, {line}"), rubbing.pushing)(False)
     except GuardError as error:
         raise GuardError(
             f"squeal: no steady sliding ({error}); does friction wedge the bodies, or lift them "
@@ -109,17 +94,36 @@ def settle(model: Model, slip: Array | None, sticking: Collection[str], log: Log
         ) from None
 
 
-def slanted(side: Pass, springs: RestSprings, model: Model, slip: Array | None) -> Array:
-    """Return normal less friction of contacts near touch, shape ``(m, 3)``; collective."""
-    n, c = springs.normal, springs.number
-    w = side.velocity(c, model.state) if slip is None else np.broadcast_to(slip, n.shape)
-    w = w - np.einsum("ma,ma->m", w, n)[:, None] * n
-    speed = np.linalg.norm(w, axis=1)
-    pressure = springs.stiffness * np.maximum(0.0, -springs.gap) / side.stack.area[c]
-    state = LawState(model.scene.time.end, 1e-9, side.stack.node[c], np.full(len(c), np.nan))
-    friction = coefficients(side.options.law, speed, pressure, state)
-    along = w / np.maximum(speed, 1e-300)[:, None]
-    return np.asarray(n - friction[:, None] * along)
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """Friction of contacts that slide, as statics takes it.
+
+    Attributes:
+        model: The model, with the velocities of its bodies.
+        slip: Velocity of contactors against targets, instead of theirs [m/s].
+        sticking: Contacts that stick: the forces of their springs are not known at rest.
+    """
+
+    model: Model
+    slip: Array | None
+    sticking: frozenset[str]
+
+    def friction(self, state: State, force: la.Vector) -> None:
+        """Add the friction of what touches at present."""
+        slide = [f for f in faces(self.model, self.slip, self.sticking) if not f.sticks]
+        force.array[: 3 * self.model.domain.owned] += friction_of(self.model, slide)
+
+    def pushing(self, side: Pass, springs: RestSprings) -> Array:
+        """Return what contacts near touch push with per normal force, ``(m, 3)``; collective."""
+        n, c = springs.normal, springs.number
+        if any(side in self.model.pairs[name].passes for name in self.sticking):
+            return n
+        along, speed = slips(side, c, n, self.model.state, self.slip)
+        pressure = springs.stiffness * np.maximum(0.0, -springs.gap) / side.stack.area[c]
+        t, node = self.model.scene.time.end, side.stack.node[c]
+        state = LawState(t, 1e-9, node, np.full(len(c), np.nan))
+        friction = coefficients(side.options.law, speed, pressure, state)
+        return np.asarray(n - friction[:, None] * along)
 
 
 def free_motions(model: Model, found: list[Face]) -> Free:
