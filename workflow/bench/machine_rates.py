@@ -42,12 +42,12 @@ class Rates:
     """Seconds that one core needs in a step.
 
     Attributes:
-        cell: For a cell of each body, by name [s].
+        cell: For a cell of each element of a body, by its name and that of the element [s].
         node: For a node: acceleration, kick and drift [s].
         fixed: For calls that do not depend on the size of the mesh [s].
     """
 
-    cell: dict[str, float]
+    cell: dict[str, dict[str, float]]
     node: float
     fixed: float
 
@@ -57,8 +57,10 @@ def rates(scene: Scene) -> Rates:
     kernels = cell_calls(scene)
     nodes = (CUBE + 1) ** 3
     seconds = least_seconds({**kernels, NODES: node_call(nodes)})
-    kinds = {name: kind_of(body) for name, body in scene.bodies.items()}
-    cell = {name: seconds[kind] / CUBE**3 for name, kind in kinds.items()}
+    cell: dict[str, dict[str, float]] = {
+        name: {element: seconds[kind_of(body, element)] / CUBE**3 for element in body.elements}
+        for name, body in scene.bodies.items()
+    }
     return Rates(cell, seconds[NODES] / nodes, fixed_seconds())
 
 
@@ -73,9 +75,9 @@ def least_seconds(calls: Mapping[Any, Callable[[], Any]]) -> dict[Any, float]:
     return dict(zip(calls, map(float, found.min(axis=0)), strict=True))
 
 
-def kind_of(body: Body) -> tuple[Any, ...]:
+def kind_of(body: Body, element: str) -> tuple[Any, ...]:
     """Return what the time of a cell of a body depends on."""
-    return body.element, body.kinematics, body.material.law, body.hourglass_coefficient
+    return element, body.kinematics, body.material.law, body.hourglass_coefficient
 
 
 def cell_calls(scene: Scene) -> dict[Any, Callable[[], Any]]:
@@ -84,10 +86,10 @@ def cell_calls(scene: Scene) -> dict[Any, Callable[[], Any]]:
     u, w = deformed(domain.V), ufl.TestFunction(domain.V)
     out = np.zeros_like(u.x.array)
     found: dict[Any, Callable[[], Any]] = {}
-    for body in scene.bodies.values():
-        if kind_of(body) not in found:
+    for body, element in ((b, e) for b in scene.bodies.values() for e in b.elements):
+        if (kind := kind_of(body, element)) not in found:
             form = internal_work(
-                body.element,
+                element,
                 law(body),
                 u,
                 w,
@@ -95,7 +97,7 @@ def cell_calls(scene: Scene) -> dict[Any, Callable[[], Any]]:
                 full(domain.msh),
                 coefficient=body.hourglass_coefficient,
             )
-            found[kind_of(body)] = partial(CellKernel(form, scene.time.precision).add, out)
+            found[kind] = partial(CellKernel(form, scene.time.precision).add, out)
     return found
 
 

@@ -34,6 +34,7 @@ from workflow.bench.contact_share import ContactShare, contact_share
 from workflow.bench.machine_rates import Rates, rates
 from workflow.bench.partition import Parts, dual_graph, partition, parts_of
 from workflow.model.geometry import mesh_of
+from workflow.model.zones import zone
 from workflow.results.table import Column, Table
 from workflow.scene import Scene
 
@@ -128,7 +129,10 @@ def load_of(scene: Scene, mesh: HexMesh, rates: Rates, contact: ContactShare) ->
     """Return what a step of the scene asks for."""
     of_cell = np.zeros(len(mesh.cells))
     for name, body in scene.bodies.items():
-        of_cell[np.isin(mesh.regions, mesh.tags(body.regions))] += rates.cell[name]
+        of_cell[np.isin(mesh.regions, mesh.tags(body.regions))] = rates.cell[name][body.element]
+        if body.contact_zone:
+            near = zone(scene, mesh, name, "contact_zone")
+            of_cell[near] = rates.cell[name][body.near_element]
     return Load(of_cell, rates, contact, trees(scene))
 
 

@@ -89,7 +89,7 @@ def _bodies(scene: Scene) -> Iterator[str]:
                     f"{key}: a hourglass_coefficient locks at poisson_ratio = {m.poisson_ratio}; "
                     "without it the stiffness of the material is taken"
                 )
-            if body.element == "full":
+            if "full" in body.elements:
                 yield (
                     f"{key}: full quadrature locks at poisson_ratio = {m.poisson_ratio}; "
                     "element = 'one-point' or 'selective' does not"

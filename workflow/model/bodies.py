@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of a scene: materials, laws and forms, and the internal force made of them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,22 +26,46 @@ from workflow.model.zones import zone
 from workflow.scene import Scene, SceneError
 from workflow.scene.bodies import FOLLOWING, MEMORY, Body
 
+BULK, NEAR, REMEMBERING = range(KINDS := 3)  # cells of a region: the contact zone, and what yields
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Cells of a body that share an elastic law.
+    """Cells of a body that share element and elastic law.
 
     Attributes:
         body: Table of the body.
         material: Its constants.
         law: The law.
+        element: The element.
         dx: Volume measure of the cells, with full quadrature.
     """
 
     body: Body
     material: Any
     law: Law
+    element: str
     dx: Any
+
+    def work(self, u: Any, w: Any, v: Any = None, law: Law | None = None) -> Any:
+        """Return the form of the internal virtual work, see :func:`forms.elements.internal_work`.
+
+        Args:
+            u: Displacement [m].
+            w: Test function.
+            v: Velocity [m/s].
+            law: In place of its own.
+        """
+        return elements.internal_work(
+            self.element,
+            law or self.law,
+            u,
+            w,
+            self.material,
+            self.dx,
+            v,
+            coefficient=self.body.hourglass_coefficient,
+        )
 
 
 class Bodies:
@@ -74,7 +98,7 @@ class Bodies:
             for name, b in entries
             if b.material.law in MEMORY and name not in elastic
         } | remembering
-        self.zones = {name: zone(scene, domain.source, name) for name in self.memory_laws}
+        self.zones = {n: zone(scene, domain.source, n, "yielding") for n in self.memory_laws}
         self.density_factor: Any = None
 
     def tags(self, body: Body) -> tuple[int, ...]:
@@ -132,25 +156,41 @@ class Bodies:
         return np.isin(self.domain.source.regions, self.tags(self.scene.bodies[name]))
 
     @cached_property
-    def _kinds(self) -> tuple[Any, Any]:
-        """Volume measures of all cells with a memory, and of all without."""
-        if not any(self.scene.bodies[name].yielding for name in self.memory_laws):
-            return self.dx, self.dx
-        msh, regions = self.domain.msh, self.domain.regions
-        inside = np.any([*self.zones.values()], axis=0)[msh.topology.original_cell_index]
-        chosen = [np.flatnonzero(flags).astype(np.int32) for flags in (inside, ~inside)]
-        tagged = [mesh.meshtags(msh, 3, cells, regions.values[cells]) for cells in chosen]
-        remembering, elastic = (full(msh, tags) for tags in tagged)
-        return remembering, elastic
+    def _split(self) -> Any:
+        """Volume measure whose tags tell apart the kinds of cells in a region, see :meth:`_of`."""
+        entries = self.scene.bodies.items()
+        if not any(b.contact_zone or b.yielding for _, b in entries):
+            return self.dx
+        msh, regions, source = self.domain.msh, self.domain.regions, self.domain.source
+        kind = np.full(len(source.cells), BULK)
+        for name, body in entries:
+            if body.contact_zone is not None:
+                kind[zone(self.scene, source, name, "contact_zone")] = NEAR
+        for flags in self.zones.values():
+            kind[flags] = REMEMBERING
+        own = kind[msh.topology.original_cell_index[regions.indices]]
+        tags = (KINDS * regions.values + own).astype(np.int32)
+        return full(msh, mesh.meshtags(msh, 3, regions.indices, tags))
+
+    def _of(self, name: str, *kinds: int) -> Any:
+        """Return the volume measure of some kinds of cells of a body."""
+        tags = self.tags(self.scene.bodies[name])
+        if self._split is self.dx:
+            return self.dx(tags)
+        return self._split(tuple(KINDS * tag + kind for tag in tags for kind in kinds))
 
     def remembering(self, name: str) -> Any:
         """Return the volume measure of the cells of a body that have a memory."""
-        return self._kinds[0](self.tags(self.scene.bodies[name]))
+        return self._of(name, REMEMBERING)
 
     @property
     def parts(self) -> list[Part]:
-        """All bodies with their elastic laws."""
-        return [self._part(name, self.laws[name], self.dx) for name in self.scene.bodies]
+        """All bodies with their elastic laws, those of two elements in two parts."""
+        return [
+            part
+            for name in self.scene.bodies
+            for part in self._parts(name, self.laws[name], (NEAR, REMEMBERING))
+        ]
 
     @property
     def without_memory(self) -> list[Part]:
@@ -158,17 +198,22 @@ class Bodies:
 
         The part of a body that may yield elsewhere has the law that yields, but for that.
         """
-        found = []
+        found: list[Part] = []
         for name in self.scene.bodies:
             rotating = name in self.zones and self.laws[name].rotating
             if name not in self.zones or not self.zones[name][self.whole(name)].all():
                 own = HENCKY if rotating else self.laws[name]
-                found.append(self._part(name, own, self._kinds[1]))
+                found += self._parts(name, own, (NEAR,))
         return found
 
-    def _part(self, name: str, law: Law, dx: Any) -> Part:
-        body = self.scene.bodies[name]
-        return Part(body, self.materials[name], law, dx(self.tags(body)))
+    def _parts(self, name: str, law: Law, near: tuple[int, ...]) -> Iterator[Part]:
+        """Yield a body, or its bulk and what is near; the latter are cells of these kinds."""
+        body, material = self.scene.bodies[name], self.materials[name]
+        if body.contact_zone is None:
+            yield Part(body, material, law, body.element, self._of(name, BULK, *near))
+        else:
+            yield Part(body, material, law, body.element, self._of(name, BULK))
+            yield Part(body, material, law, body.near_element, self._of(name, *near))
 
     def internal_work(
         self, u: Any, w: Any, v: Any = None, *, parts: Iterable[Part] | None = None
@@ -182,23 +227,14 @@ class Bodies:
             parts: Those that take part, all bodies if not given.
         """
         return sum(
-            elements.internal_work(
-                part.body.element,
-                part.law,
-                u,
-                w,
-                part.material,
-                part.dx,
-                v if part.body.stiffness_damping else None,
-                coefficient=part.body.hourglass_coefficient,
-            )
+            part.work(u, w, v if part.body.stiffness_damping else None)
             for part in (self.parts if parts is None else parts)
         )
 
     def strain_energy(self, u: Any) -> Any:
         """Return the form of the strain energy, without hourglass control and laws with memory."""
         return sum(
-            elements.strain_energy(part.body.element, part.law, u, part.material, part.dx)
+            elements.strain_energy(part.element, part.law, u, part.material, part.dx)
             for part in self.without_memory
         )
 
@@ -213,7 +249,7 @@ class Bodies:
                 coefficient=part.body.hourglass_coefficient,
             )
             for part in self.without_memory
-            if part.body.element == "one-point"
+            if part.element == "one-point"
         ]
         return sum(forms) if forms else None
 
@@ -244,29 +280,20 @@ class Bodies:
         start = [b.velocity or (0.0, 0.0, 0.0) for b in self.scene.bodies.values()]
         closing = max(np.linalg.norm(np.subtract(a, b)) for a in [*start, (0, 0, 0)] for b in start)
         forms = []
-        for name, body in self.scene.bodies.items():
-            dx, constants = self.dx(self.tags(body)), self.materials[name]
+        for part in self.parts:
+            body = part.body
             if body.bulk_viscosity:
                 viscous = tangent_viscosity(
                     v,
                     w,
-                    isotropic(constants),
+                    isotropic(part.material),
                     linear=body.bulk_viscosity.linear,
                     quadratic=body.bulk_viscosity.quadratic,
                     rate=float(closing) / cell_size(self.scene, self.domain.source),
                 )
-                forms.append(viscous * one_point(dx, mixed=body.element != "one-point"))
+                forms.append(viscous * one_point(part.dx, mixed=part.element != "one-point"))
             if body.stiffness_damping:
-                work = elements.internal_work(
-                    body.element,
-                    self.laws[name],
-                    v,
-                    w,
-                    constants,
-                    dx,
-                    coefficient=body.hourglass_coefficient,
-                )
-                forms.append(body.stiffness_damping * work)
+                forms.append(body.stiffness_damping * part.work(v, w))
         return sum(forms)
 
     def mass(self, w: Any) -> Any:
@@ -375,7 +402,7 @@ def law(body: Body) -> Law:
         SceneError: if the law is not in :data:`forms.elements.LAWS`.
     """
     name = body.kinematics if body.material.law in FOLLOWING else body.material.law
-    if body.material.law in MEMORY and body.element == "selective" and name != "small-strain":
+    if body.material.law in MEMORY and body.near_element == "selective" and name != "small-strain":
         name = "neo-hookean"
     if name not in LAWS:
         raise SceneError(f"material.law = {name!r}: expected one of {['hooke', *LAWS]}")

@@ -57,7 +57,7 @@ class MemoryForce:
         domain, dx = bodies.domain, bodies.remembering(name)
         self.name, self.domain, self.comm, self.u = name, domain, domain.msh.comm, u
         rotating = body.kinematics == "total-lagrangian"
-        split = body.element == "selective"
+        split = body.near_element == "selective"
         given = bodies.memory_laws[name]
         law = MEMORY_LAWS[given] if isinstance(given, str) else given
         self.points = Points(
@@ -66,7 +66,7 @@ class MemoryForce:
             domain.V,
             dx,
             rotating=rotating,
-            element=body.element,
+            element=body.near_element,
             coefficient=body.hourglass_coefficient,
             dtype=precision,
         )

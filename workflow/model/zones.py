@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Zones of bodies that may yield: which cells of a mesh they are, and those at their border."""
+"""Zones of bodies, that may yield or have another element: their cells, and those at a border."""
 
 from collections.abc import Iterator
 
@@ -11,23 +11,24 @@ from workflow.model.geometry import mesh_of
 from workflow.scene import Scene, SceneError
 
 
-def zone(scene: Scene, mesh: HexMesh, name: str) -> Flags:
-    """Return which cells of a mesh are those of a body that may yield, shape ``(c,)``.
+def zone(scene: Scene, mesh: HexMesh, name: str, kind: str) -> Flags:
+    """Return which cells of a mesh are in a zone of a body, shape ``(c,)``.
 
     Args:
         scene: The scene.
         mesh: Its mesh.
-        name: Name of the body, whose ``yielding`` says where; the whole body if it does not.
+        name: Name of the body.
+        kind: Key of its zone, ``yielding`` or ``contact_zone``; without it, the whole body.
 
     Raises:
         SceneError: if no cell is.
     """
     body = scene.bodies[name]
     own = np.isin(mesh.regions, mesh.tags(body.regions))
-    limits = body.yielding
+    limits = getattr(body, kind)
     if limits is None:
         return own
-    inside, key = own.copy(), f"bodies.{name}.yielding"
+    inside, key = own.copy(), f"bodies.{name}.{kind}"
     centres = mesh.points[mesh.cells[own]].mean(axis=1)
     if limits.box is not None:
         least, most = map(np.array, limits.box)
@@ -40,7 +41,7 @@ def zone(scene: Scene, mesh: HexMesh, name: str) -> Flags:
     if limits.depth is not None:
         from scipy.spatial import cKDTree  # half a second that others need not wait for
 
-        distance, _ = cKDTree(_touched(scene, mesh, name)).query(centres)
+        distance, _ = cKDTree(_touched(scene, mesh, name, key)).query(centres)
         inside[own] &= distance <= limits.depth
         if not inside.any():
             raise SceneError(
@@ -50,7 +51,7 @@ def zone(scene: Scene, mesh: HexMesh, name: str) -> Flags:
     return inside
 
 
-def _touched(scene: Scene, mesh: HexMesh, name: str) -> Array:
+def _touched(scene: Scene, mesh: HexMesh, name: str, key: str) -> Array:
     """Return nodes and middles of the facets of a body that contacts name, shape ``(n, 3)`` [m].
 
     Raises:
@@ -61,7 +62,7 @@ def _touched(scene: Scene, mesh: HexMesh, name: str) -> Array:
     nodes = mesh.nodes(*mesh.tags(scene.bodies[name].regions))
     facets = facets[np.isin(facets, nodes).all(axis=1)]
     if not len(facets):
-        raise SceneError(f"bodies.{name}.yielding.depth: expected a contact of the body, got none")
+        raise SceneError(f"{key}.depth: expected a contact of the body, got none")
     return np.vstack([mesh.points[np.unique(facets)], mesh.points[facets].mean(axis=1)])
 
 
@@ -83,14 +84,16 @@ def border(mesh: HexMesh, inside: Flags, whole: Flags) -> Flags:
 
 
 def zones_in_words(scene: Scene, mesh: HexMesh | None) -> Iterator[str]:
-    """Yield how many cells of each body with a zone may yield; the mesh is made if need be.
+    """Yield how many cells of each body are in its zones; the mesh is made if need be.
 
     Raises:
         SceneError: as :func:`zone`.
     """
-    names = [name for name, body in scene.bodies.items() if body.yielding is not None]
-    mesh = mesh_of(scene)[0] if mesh is None and names else mesh
-    for name in names:
+    words = {"contact_zone": "cells are in the contact zone", "yielding": "cells may yield"}
+    zones = [(n, kind) for n, b in scene.bodies.items() for kind in words if getattr(b, kind)]
+    mesh = mesh_of(scene)[0] if mesh is None and zones else mesh
+    for name, kind in zones:
         assert mesh is not None
         of = int(np.isin(mesh.regions, mesh.tags(scene.bodies[name].regions)).sum())
-        yield f"bodies.{name}: {int(zone(scene, mesh, name).sum())} of {of} cells may yield"
+        count = int(zone(scene, mesh, name, kind).sum())
+        yield f"bodies.{name}: {count} of {of} {words[kind]}"

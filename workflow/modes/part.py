@@ -77,7 +77,7 @@ def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm:
     alone = wheel and name == WHEEL and WHEEL not in scene.bodies
     body = owners(scene)["tyre"] if alone else name
     domain = distribute(made(scene, body, alone, size, comm), comm)
-    entry = scene.bodies[body]
+    entry = scene.bodies[body].model_copy(update={"yielding": None, "contact_zone": None})
     if alone:
         entry = entry.model_copy(update={"regions": list(WHEEL_REGIONS)})
     one = scene.model_copy(update={"bodies": {body: entry}})

@@ -37,6 +37,7 @@ LINEAR = ("hooke", "orthotropic")
 MEMORY = ("j2",)  # laws with a memory
 FOLLOWING = (*LINEAR, *MEMORY)  # laws that follow the kinematics of their body
 
+Element = Literal["full", "one-point", "selective"]
 Axis = tuple[Component, Component, Component]
 Place = tuple[Position, Position, Position]
 
@@ -237,8 +238,8 @@ class BulkViscosity(Section):
     """Coefficient of the pressure in proportion to its square."""
 
 
-class Yielding(Section):
-    """The part of a body that may yield: cells whose centres are where all that is given says."""
+class Zone(Section):
+    """A part of a body: cells whose centres are where all that is given says."""
 
     depth: Length | None = Field(default=None, examples=[0.012])
     """Distance from the surfaces of the body that contacts name."""
@@ -256,6 +257,17 @@ class Yielding(Section):
             yield f"{key}.box = {box}: expected the least coordinates, then larger ones"
 
 
+class Yielding(Zone):
+    """The part of a body that may yield."""
+
+
+class ContactZone(Zone):
+    """The part of a body that has another element than the rest."""
+
+    element: Element = Field("full", examples=["full"])
+    """Integration of its hexahedra, as `element` of the body."""
+
+
 class Body(Section):
     """Regions of the mesh that share a material, an element and kinematics."""
 
@@ -267,9 +279,15 @@ class Body(Section):
     """Part of a body of `law = "j2"` that may yield, elsewhere it is elastic; all if left out."""
     kinematics: Literal["small-strain", "total-lagrangian"] = "small-strain"
     """Strain measure; left out, `total-lagrangian` for a body that the scene makes turn."""
-    element: Literal["full", "one-point", "selective"] = "full"
+    element: Element = "full"
     """Integration of the hexahedra: `full` has 2 × 2 × 2 points, `one-point` one and hourglass
     control, `selective` the mean change of volume, which does not lock near ν = 1/2.
+    """
+    contact_zone: ContactZone | None = Field(
+        default=None, examples=[{"depth": 0.008, "element": "full"}]
+    )
+    """Part of the body with another element, such as `full` under the patches of `one-point`;
+    cells that may yield are of it.
     """
     hourglass_coefficient: Factor | None = Field(default=None, examples=[0.1])
     """Hourglass stiffness of `one-point` cells; left out, it comes from the material."""
@@ -281,3 +299,13 @@ class Body(Section):
     """Pressure against fast compression; left out, there is none."""
     velocity: tuple[Speed, Speed, Speed] | None = None
     """Velocity of the whole body at time zero."""
+
+    @property
+    def near_element(self) -> Element:
+        """Element of the contact zone, and of cells that may yield; that of all if it has none."""
+        return self.element if self.contact_zone is None else self.contact_zone.element
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """All elements of its cells, that of the bulk first."""
+        return tuple(dict.fromkeys((self.element, self.near_element)))

@@ -209,10 +209,12 @@ class Scene(Section):
             expected, splits = fit(law, body.kinematics)
             if body.kinematics != expected:
                 yield f"{key}.kinematics = {body.kinematics!r}: {law} expects {expected!r}"
-            if body.element == "selective" and not (splits and body.kinematics == expected):
+            if "selective" in body.elements and not (splits and body.kinematics == expected):
+                of = "" if body.element == "selective" else "contact_zone."
                 yield (
-                    f"{key}.element = 'selective': expected material.law = 'hooke' with kinematics "
-                    f"'small-strain', 'neo-hookean' or 'j2', got {law!r} with {body.kinematics!r}"
+                    f"{key}.{of}element = 'selective': expected material.law = 'hooke' with "
+                    "kinematics 'small-strain', 'neo-hookean' or 'j2', "
+                    f"got {law!r} with {body.kinematics!r}"
                 )
             if law in MEMORY:
                 yield from self._unfit_memory(key, body)
@@ -220,11 +222,28 @@ class Scene(Section):
                 yield f"{key}.yielding: expected material.law = 'j2', got {law!r}"
             if body.yielding is not None:
                 yield from body.yielding.unfit(f"{key}.yielding")
-            if body.hourglass_coefficient is not None and body.element != "one-point":
+            if body.contact_zone is not None:
+                yield from self._unfit_zone(key, body)
+            if body.hourglass_coefficient is not None and "one-point" not in body.elements:
                 yield (
                     f"{key}.hourglass_coefficient: expected element = 'one-point', "
                     f"got {body.element!r}"
                 )
+
+    def _unfit_zone(self, key: str, body: Body) -> Iterator[str]:
+        """Yield a line for what does not go with a contact zone."""
+        assert body.contact_zone is not None
+        yield from body.contact_zone.unfit(f"{key}.contact_zone")
+        if body.element == body.near_element:
+            yield (
+                f"{key}.contact_zone.element = {body.near_element!r}: expected another one than "
+                f"{key}.element"
+            )
+        if body.material.law in MEMORY and body.yielding is None:
+            yield (
+                f"{key}.contact_zone: all of the body may yield, and has one element; expected "
+                f"{key}.yielding too, or no zone"
+            )
 
     def _unfit_memory(self, key: str, body: Body) -> Iterator[str]:
         """Yield a line for every key that does not go with a law that has a memory."""

@@ -24,9 +24,10 @@ BASE = {
 }
 
 
-def models() -> list[type[Section]]:
+def models(base: type[Section] = Section) -> list[type[Section]]:
     """Return the models of a scene and its tables."""
-    return [m for m in Section.__subclasses__() if m.__module__.startswith("workflow.scene.")]
+    below = [m for m in base.__subclasses__() if m.__module__.startswith("workflow.scene.")]
+    return [found for model in below for found in (model, *models(model))]
 
 
 @cache
@@ -34,7 +35,8 @@ def texts(model: type[Section]) -> dict[str, str]:
     """Return the text of each field of a table that has one."""
     tree = ast.parse(inspect.getsource(model)).body[0]
     assert isinstance(tree, ast.ClassDef)
-    return {
+    inherited = {} if Section in model.__bases__ or model is Section else texts(model.__bases__[0])
+    return inherited | {
         field.target.id: " ".join(text.value.value.split())
         for field, text in pairwise(tree.body)
         if isinstance(field, ast.AnnAssign)

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from forms.elements import LAWS, internal_work
+from forms.elements import LAWS
 from forms.stretch import Stretch
 from forms.time_step import largest_eigenvalue, scaled_stiffness
 from meshes.arrays import Array
@@ -131,19 +131,11 @@ class Following:
 
     def _work(self, u: Any, w: Any) -> Any:
         """Return the form of the virtual work of a small strain on top of the shape at hand."""
-        bodies = self.model.bodies
-        laws = bodies.laws | dict.fromkeys(self.bodies, LAWS["small-strain"])
+        entries = self.model.scene.bodies
+        followed = [entries[name] for name in self.bodies]
         return sum(
-            internal_work(
-                body.element,
-                laws[name],
-                u,
-                w,
-                bodies.materials[name],
-                bodies.dx(bodies.tags(body)),
-                coefficient=body.hourglass_coefficient,
-            )
-            for name, body in self.model.scene.bodies.items()
+            part.work(u, w, law=LAWS["small-strain"] if part.body in followed else None)
+            for part in self.model.bodies.parts
         )
 
     def _closely(self) -> tuple[float, int]:
