@@ -110,6 +110,42 @@ def compare(
 
 @verbs.command(
     epilog=examples(
+        "squealx growth runs/steady-curving --from 0.004 --to 3000",
+        "squealx growth runs/first --until 0.01 --json",
+    )
+)
+def growth(
+    folder: ResultFolder,
+    begin: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Start of the window.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--until", metavar="S", help="End of the window.")
+    ] = None,
+    to: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Highest frequency; a fifth of the sampling rate."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Find what oscillates in a run's samples, how fast it grows, and limit cycles; a figure.
+
+    Probes and contact forces are taken together (a matrix pencil); needs output.sample_interval.
+    """
+    from workflow.results.record import whole
+    from workflow.squeal.figures import draw_in_time
+    from workflow.squeal.in_time import in_time, printout, window
+
+    whole(folder)
+    seen = window(folder, begin, end, to)
+    found = in_time(seen)
+    picture = draw_in_time(seen, found)
+    found |= {"figure": None if picture is None else str(picture)}
+    answer(as_json, found, lambda: [*printout(found), *([str(picture)] if picture else [])])
+
+
+@verbs.command(
+    epilog=examples(
         "squealx export-footprints runs/hertz",
         "squealx export-footprints runs/first --csv --out first-footprints",
     )

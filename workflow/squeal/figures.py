@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Figure of a sliding state: root locus of its modes over the coefficient of friction."""
+"""Figures of what grows: root locus over friction, map over angles, samples of a run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.figures import style
+from workflow.results.spectra import detrended
+from workflow.squeal.in_time import Window, envelope
 from workflow.squeal.squeal import UNSTABLE, Squeal
 
 if TYPE_CHECKING:
@@ -100,3 +102,48 @@ def growth_map(summary: dict[str, Any]) -> "Figure":
 def threshold(growth: np.ndarray) -> float:
     """Return up to which growth rate an axis is linear: a hundredth of the largest [1/s]."""
     return float(max(1e-2 * np.abs(growth).max(initial=0.0), 1e-9))
+
+
+def draw_in_time(seen: Window, found: dict[str, Any]) -> Path | None:
+    """Draw what grows in a run into ``figures`` of its folder; nothing if nothing oscillates."""
+    if not found["oscillations"]:
+        return None
+    with style.style():
+        return style.save(growth_in_time(seen, found), seen.folder / "figures" / "growth.png")
+
+
+def growth_in_time(seen: Window, found: dict[str, Any]) -> "Figure":
+    """Samples where the fastest growth is largest, their envelope and what the pencil says of it.
+
+    Besides, the mean square of that channel by third octaves.
+    """
+    rows = found["oscillations"]
+    sure = [row for row in rows if row["grows"]]
+    row = max(sure or rows, key=lambda row: row["growth_rate" if sure else "share"])
+    x, f, rate = detrended(seen.channels[row["channel"]]), row["frequency"], row["growth_rate"]
+    scale, unit = style.prefixed(seen.t, "s")
+    fig = style.figure(style.PAGE, 2.8)
+    over_time, by_band = fig.subplots(1, 2, width_ratios=[2, 1])
+    over_time.plot(seen.t * scale, np.abs(x), color=style.INK, lw=0.3, alpha=0.5, label="samples")
+    when, size = envelope(seen.t, x, f)
+    over_time.plot(when * scale, size, color=GROWING, lw=1.0, label=f"about {f / 1e3:.3f} kHz")
+    line = row["amplitude"] * np.exp(rate * (seen.t - seen.t[-1]))
+    over_time.plot(seen.t * scale, line, "--", color=GROWING, lw=0.8, label=f"{rate:+.3g} per s")
+    newton = seen.units[row["channel"]]
+    over_time.set(xlabel=f"time [{unit}]", ylabel=f"{row['channel']} [{newton}]", yscale="log")
+    over_time.set_ylim(bottom=1e-3 * np.abs(x).max())
+    over_time.legend(loc="best")
+    own = [band for band in found["bands"] if band["channel"] == row["channel"]]
+    by_band.plot(
+        [band["band"] for band in own],
+        [band["mean_square"] for band in own],
+        drawstyle="steps-mid",
+        color=style.INK,
+    )
+    by_band.axvline(f, color=GROWING, lw=0.8)
+    by_band.set(
+        xscale="log", yscale="log", xlabel="third octave [Hz]", ylabel=f"mean square [({newton})²]"
+    )
+    style.letter(over_time, "a", "growth")
+    style.letter(by_band, "b", "bands")
+    return fig

@@ -7,6 +7,7 @@ takes the motion to be a sum of real modes without friction and of the deflectio
 the contacts. It is a small dense problem for any friction, and right as far as these shapes reach.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,10 +18,10 @@ from slepc4py import SLEPc
 import numpy as np
 from scipy.linalg import eig, eigvals
 
-from meshes.arrays import Array, Index
+from meshes.arrays import Array, Flags, Index
 from workflow.modes.solve import BELOW, below, direct, within
 from workflow.scene.scene import SceneError
-from workflow.squeal.pencil import Complex, Pencil, rows_of, summed, times
+from workflow.squeal.pencil import SYMMETRIC, Complex, Pencil, rows_of, summed, times
 from workflow.squeal.sliding import Face
 
 TOLERANCE = 1e-10  # of an eigenvalue
@@ -28,6 +29,8 @@ SHIFT = 0.5  # over the highest frequency
 MORE = 10  # eigenvalues that are looked for besides those that a frictionless contact has
 WIDER = 1.1  # reach of what is found over what is asked: growing modes lie aside
 BEYOND = 1.3  # highest frequency of the real modes over that asked for
+REFINED = 1e-8  # residual of a mode on the full matrices
+STEPS = 12  # of Davidson's method
 ALIKE = 1e-10  # share of a shape that others do not have, below which it is left out
 
 
@@ -131,6 +134,14 @@ def sorted_upper(pencil: Pencil, values: Complex, shapes: Complex) -> Eigen:
 
 def residuals(pencil: Pencil, values: Complex, shapes: Complex) -> Array:
     """Return the lengths of ``(λ² + λ C + K) y`` over ``|λ|²``, shape ``(k,)``; collective."""
+    square = (np.abs(defects(pencil, values, shapes)) ** 2).sum(axis=1)
+    return np.asarray(
+        np.sqrt(pencil.comm.allreduce(square)) / np.maximum(np.abs(values) ** 2, 1e-300)
+    )
+
+
+def defects(pencil: Pencil, values: Complex, shapes: Complex) -> Complex:
+    """Return ``(λ² + λ C + K) y`` of each pair, the part on this rank, shape ``(k, n)``."""
     left = values[:, None] ** 2 * shapes
     for A, factor in (
         (pencil.K, 1.0),
@@ -139,8 +150,7 @@ def residuals(pencil: Pencil, values: Complex, shapes: Complex) -> Array:
         (pencil.C_f, values[:, None]),
     ):
         left = left + factor * (times(A, shapes.real) + 1j * times(A, shapes.imag))
-    square = pencil.comm.allreduce((np.abs(left) ** 2).sum(axis=1))
-    return np.asarray(np.sqrt(square) / np.maximum(np.abs(values) ** 2, 1e-300))
+    return np.asarray(left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,22 +218,100 @@ class Projection:
         kept = np.abs(values) < WIDER * 2 * np.pi * top
         return sorted_upper(self.pencil, values[kept], vectors[:, kept].T @ self.V)
 
+    def nearest(self, value: complex) -> Eigen:
+        """Return the mode next to an eigenvalue [1/s] with the friction of the scene."""
+        companion, scale = self._companion(1.0)
+        values, vectors = self.pencil.comm.bcast(eig(companion))
+        k = [int(np.argmin(np.abs(values * scale - value)))]
+        return sorted_upper(self.pencil, values[k] * scale, vectors[: len(self.V), k].T @ self.V)
+
 
 def projection(pencil: Pencil, top: float) -> Projection:
     """Return the projection on real modes and contact modes for frequencies to ``top`` [Hz]."""
     bounds = -((2 * np.pi * BELOW) ** 2), (2 * np.pi * BEYOND * top) ** 2
     _, modes, _ = within(pencil.K, bounds)
-    V = orthonormal(pencil.comm, np.vstack([modes, contact_modes(pencil, 2 * np.pi * top)]))
+    # of K + ω², so that bodies that nothing holds deflect as well
+    return spanned(pencil, modes, contact_modes(pencil, inverse(pencil.K, (2 * np.pi * top) ** 2)))
+
+
+def spanned(pencil: Pencil, *shapes: Array) -> Projection:
+    """Return the projection on the span of shapes, rows of the parts on this rank; collective."""
+    V = orthonormal(pencil.comm, np.vstack(shapes))
     matrices = (pencil.K, pencil.C, pencil.K_f, pencil.C_f)
     return Projection(
         pencil, V, *(np.asarray(pencil.comm.allreduce(V @ times(A, V).T)) for A in matrices)
     )
 
 
-def contact_modes(pencil: Pencil, omega: float) -> Array:
+def refined(pencil: Pencil, eigen: Eigen, chosen: Flags) -> Eigen:
+    """Return modes of a projection brought to convergence on the full matrices; collective.
+
+    Davidson's method (E. R. Davidson, J. Comput. Phys. 17, 87-94, 1975) for each chosen mode alone:
+    its shape and the contact modes at its own frequency, then what ``(K − ω²)⁻¹`` makes of the
+    residual. Friction and contact dampers are forces on these contacts, so few steps do.
+
+    Args:
+        pencil: The full matrices.
+        eigen: Modes of a projection.
+        chosen: Which of them, shape ``(k,)``.
+    """
+    values, shapes, left = eigen.values.copy(), eigen.shapes.copy(), eigen.residuals.copy()
+    for k in np.flatnonzero(chosen):
+        solve = inverse(pencil.K, -(values[k].imag ** 2))
+        few = spanned(pencil, *parts_of(shapes[k]), contact_modes(pencil, solve))
+        for _ in range(STEPS):
+            found = few.nearest(values[k])
+            values[k], shapes[k], left[k] = found.values[0], found.shapes[0], found.residuals[0]
+            if left[k] < REFINED:
+                break
+            (left_over,) = defects(pencil, found.values, found.shapes)
+            more = np.vstack([solve(part) for part in parts_of(left_over)])
+            few = spanned(pencil, few.V, besides(pencil.comm, few.V, more))
+    return Eigen(values, shapes, left)
+
+
+def parts_of(y: Complex) -> tuple[Array, Array]:
+    """Return the real and the imaginary part as rows, shape ``(1, n)`` each."""
+    return y.real[None], y.imag[None]
+
+
+def besides(comm: MPI.Comm, V: Array, rows: Array) -> Array:
+    """Return what rows have besides orthonormal ones, of unit length; collective."""
+    for _ in range(2):  # most of them is in V
+        rows = rows - comm.allreduce(rows @ V.T) @ V
+        size = np.sqrt(comm.allreduce((rows**2).sum(axis=1)))
+        rows = rows[size > 0.0] / size[size > 0.0, None]  # none of a real shape's imaginary part
+    return np.asarray(rows)
+
+
+def inverse(K: PETSc.Mat, shift: float) -> Callable[[Array], Array]:
+    """Return what solves ``(K + shift) x = y`` for rows y of the parts on this rank; collective."""
+    A = K.copy()
+    A.shift(shift)
+    A.setOption(SYMMETRIC, True)
+    pc = PETSc.PC().create(A.getComm())
+    pc.setOperators(A)
+    direct(pc)
+    pc.setUp()
+    x, y = A.createVecRight(), A.createVecLeft()
+
+    def solve(rows: Array) -> Array:
+        out = np.empty_like(rows)
+        for row, found in zip(rows, out, strict=True):
+            x.array[:] = row
+            pc.apply(x, y)
+            found[:] = y.array_r
+        return out
+
+    return solve
+
+
+def contact_modes(pencil: Pencil, solve: Callable[[Array], Array]) -> Array:
     """Return the deflections under unit forces along n, t and b of every contact, ``(3 m, n)``.
 
-    They are those of ``K + ω²``, so that bodies that nothing holds deflect as well.
+    Args:
+        pencil: The matrices.
+        solve: What a stiffness makes of forces, see :func:`inverse`.
     """
     domain, out = pencil.domain, []
     for face in pencil.faces:
@@ -234,20 +322,7 @@ def contact_modes(pencil: Pencil, omega: float) -> Array:
             force = np.zeros((rows.shape[0], pencil.T.shape[0]))
             force[:, own] = rows.toarray()[:, np.repeat(dofs >= 0, 3)]
             out.append(force @ pencil.T)
-    A = pencil.K.copy()
-    A.shift(omega**2)
-    pc = PETSc.PC().create(A.getComm())
-    pc.setOperators(A)
-    direct(pc)
-    pc.setUp()
-    x, y = A.createVecRight(), A.createVecLeft()
-    found = np.vstack(out)
-    for row in found:
-        x.array[:] = row
-        pc.apply(x, y)
-        row[:] = y.array_r
-    pc.destroy()
-    return found
+    return solve(np.vstack(out))
 
 
 def orthonormal(comm: MPI.Comm, shapes: Array) -> Array:

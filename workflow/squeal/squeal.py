@@ -28,7 +28,7 @@ from workflow.simulation.threads import one_per_rank
 from workflow.squeal.feeding import fed
 from workflow.squeal.pencil import Complex, Pencil, pencil
 from workflow.squeal.sliding import Face, drift_at, faces
-from workflow.squeal.solve import Eigen, Projection, check_count, full, projection
+from workflow.squeal.solve import Eigen, Projection, check_count, full, projection, refined
 from workflow.squeal.steady import steady
 
 ROADS = ("full", "projection")
@@ -106,8 +106,13 @@ def squeal(
             count = check_count(small, top, most)
             log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
             few = projection(small, top) if road == "projection" or len(friction) else None
-            eigen = few.eigen(top) if road == "projection" and few else full(small, top, count)
-            table, shapes = labelled(small, up_to(eigen, top))
+            if road == "projection" and few:
+                eigen = up_to(few.eigen(top), top)
+                growing = np.array([kind_of(complex(value)) != "stable" for value in eigen.values])
+                eigen = refined(small, eigen, growing)
+            else:
+                eigen = up_to(full(small, top, count), top)
+            table, shapes = labelled(small, eigen)
             followed = locus(few, sliding, friction, top) if few else []
             mapped = over_angles(model, few, sticking, angles, friction, top) if few else []
         found = {
