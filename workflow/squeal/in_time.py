@@ -4,8 +4,8 @@
 The samples are taken for a sum of oscillations ``a exp(λ t)``, whose λ all channels share. A matrix
 pencil finds them (Y. Hua and T. K. Sarkar, IEEE Trans. Acoust. Speech Signal Process. 38, 814-824,
 1990): windows of the samples, one behind the other, span a space that a shift by one sample turns
-by ``exp(λ Δt)``. It is made of the largest singular vectors; more or fewer of them should give the
-same λ, and how far they do not is told as its spread.
+by ``exp(λ Δt)``. It is made of the largest singular vectors. Fewer of them, and a part of the
+record, should give the same λ; how far they do not is told as its spread.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,10 +27,11 @@ Complex = np.ndarray[Any, np.dtype[np.complex128]]
 FEWEST = 48  # samples in the window, after thinning
 ROWS = 600  # samples in the window, at most: the pencil is dense
 OVER = 2.6  # sampling rate over the highest frequency, after thinning
+HALF = 10  # samples after thinning that half of its filter spans
 KEPT = 1e-3  # singular values that count, over the largest
 MOST = 48  # of them, at most
-LESS = (1.0, 0.8, 0.6)  # shares of them that are tried
-ALIKE = 0.01  # distance in frequency below which two orders found the same oscillation
+TRIED = ((1.0, 0.0, 1.0), (0.7, 0.0, 1.0), (1.0, 0.0, 0.75), (1.0, 0.25, 1.0))  # share, from, to
+ALIKE = 0.01  # distance in frequency below which two pencils found the same oscillation
 SMALL = 1e-9  # range of an axis over the largest of all three, below which it is no channel
 SHARE = 1e-3  # of the variance of the channel where it is largest, that a row has at least
 LEVEL = 0.1  # what the envelope of a limit cycle may swing by, over its mean
@@ -45,7 +46,7 @@ class Oscillation:
 
     Attributes:
         frequency, growth_rate: [Hz, 1/s].
-        frequency_spread, growth_spread: Half the range over pencils of several orders [Hz, 1/s].
+        frequency_spread, growth_spread: Half the range over pencils [Hz, 1/s].
         channel: Where it has the largest share of the variance.
         share: That share [-].
         amplitude: There, at the end of the window, in the unit of the channel.
@@ -194,10 +195,11 @@ def oscillations(channels: Mapping[str, Array], interval: float, top: float) -> 
     """
     x = detrended(np.array([*channels.values()]))
     scale = np.sqrt((x**2).mean(axis=1))
-    x, step = thinned(x / scale[:, None], interval, top)
-    vectors, size = signals(x)
-    order = min(MOST, int((size > KEPT * size[0]).sum()))
-    tried = [rates(vectors[:, : max(2, round(share * order))], step) for share in LESS]
+    x, step, ahead = thinned(x / scale[:, None], interval, top)
+    tried = []
+    for share, begin, end in TRIED:
+        part = x[:, round(begin * x.shape[1]) : round(end * x.shape[1])]
+        tried.append(rates(part, step, share))
     seen = [found[(found.imag > 0) & (found.imag < 2 * np.pi * top)] for found in tried]
     found = sorted((λ for λ in seen[0]), key=lambda λ: λ.imag)
     near = [alike(complex(λ), seen[1:]) for λ in found]
@@ -219,14 +221,16 @@ def oscillations(channels: Mapping[str, Array], interval: float, top: float) -> 
                 growth_spread=float(np.ptp(both.real) / 2),
                 channel=list(channels)[channel],
                 share=float(share),
-                amplitude=float(amplitude * scale[channel]),
+                amplitude=float(amplitude * np.exp(λ.real * ahead) * scale[channel]),
             )
         )
     return rows
 
 
-def thinned(x: Array, interval: float, top: float) -> tuple[Array, float]:
+def thinned(x: Array, interval: float, top: float) -> tuple[Array, float, float]:
     """Return samples at a rate that is enough for a frequency, the last ones of a long record.
+
+    With them come their distance and that of the last one from the end of the record [s].
 
     A filter without delay leaves the growth of what passes as it is; its ends are cut off.
 
@@ -235,43 +239,42 @@ def thinned(x: Array, interval: float, top: float) -> tuple[Array, float]:
         interval: Between two samples [s].
         top: Highest frequency [Hz].
     """
-    by = max(1, int(1 / (OVER * top * interval)))
-    while by > 1 and x.shape[1] / by < FEWEST:
+    by, count, cut = max(1, int(1 / (OVER * top * interval))), x.shape[1], 0
+    while by > 1 and count / by < FEWEST + 2 * HALF:
         by -= 1
     if by > 1:
-        lag = 10 * by  # half of the filter
         x = signal.decimate(x, by, ftype="fir", axis=1)
-        cut = int(np.ceil(lag / by))
-        x = x[:, cut:-cut] if x.shape[1] - 2 * cut >= FEWEST else x
-    return x[:, -ROWS:], by * interval
+        cut = HALF
+        x = x[:, cut:-cut]
+    last = (int(np.ceil(count / by)) - 1 - cut) * by
+    return x[:, -ROWS:], by * interval, (count - 1 - last) * interval
 
 
-def signals(x: Array) -> tuple[Array, Array]:
-    """Return right singular vectors of the windows of all channels, as columns, and their sizes.
+def rates(x: Array, step: float, share: float) -> Complex:
+    """Return the λ by which a shift of one sample turns the space of windows [1/s].
 
     Args:
-        x: Shape ``(m, k)``.
+        x: Channels, shape ``(m, k)``.
+        step: Between two samples [s].
+        share: How many of the singular vectors that count are taken, over all of these.
     """
     length = x.shape[1] // 2
     windows = np.lib.stride_tricks.sliding_window_view(x, length + 1, axis=1)
-    _, size, vectors = linalg.svd(windows.reshape(-1, length + 1), full_matrices=False)
-    return vectors.T, size
-
-
-def rates(vectors: Array, step: float) -> Complex:
-    """Return the λ by which a shift of one sample turns a space of windows [1/s]."""
+    _, size, rows = linalg.svd(windows.reshape(-1, length + 1), full_matrices=False)
+    order = min(MOST, int((size > KEPT * size[0]).sum()))
+    vectors = rows[: max(2, round(share * order))].T
     turn = np.linalg.lstsq(vectors[:-1], vectors[1:], rcond=None)[0]
     z = np.linalg.eigvals(turn).astype(complex)
     return np.asarray(np.log(z[np.abs(z) > 0]) / step)
 
 
 def alike(value: complex, others: list[Complex]) -> list[complex] | None:
-    """Return the λ of other orders next to one; None if some order has none that is near."""
+    """Return the λ of other pencils next to one; None if some pencil has none that is near."""
     found = []
-    for order in others:
-        if not len(order):
+    for values in others:
+        if not len(values):
             return None
-        near = complex(order[np.argmin(np.abs(order - value))])
+        near = complex(values[np.argmin(np.abs(values - value))])
         if abs(near.imag - value.imag) > ALIKE * value.imag:
             return None
         found.append(near)
