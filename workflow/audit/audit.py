@@ -14,6 +14,7 @@ from contact.options import IMPLICIT
 from forms.time_step import cell_frequency
 from workflow.audit.advice import advice, impact_depth
 from workflow.audit.limits import Limits, critical_penalty
+from workflow.audit.sliding import in_words, sliding_state
 from workflow.model.model import Model, build
 from workflow.model.step import stiffest
 from workflow.scene.scene import Scene
@@ -65,6 +66,7 @@ def report(
         "contacts": {name: contact_report(model, limits, name) for name in model.pairs},
     }
     found["cost"] = cost(model, time.perf_counter() - began)
+    found["sliding"] = sliding_state(scene, found["cells"], comm, log)
     found["doubts"] = [*model.doubts, *advice(model, found)]
     return found
 
@@ -159,6 +161,7 @@ def printout(found: dict[str, Any]) -> Iterator[str]:
         f"{cost['seconds_stepping']:.0f} s and outputs, after {cost['seconds_before']:.0f} s; "
         f"{cost['memory'] / 2**20:.0f} MB"
     )
+    yield from in_words(found["sliding"])
     yield from (f"doubt: {line}" for line in found["doubts"])
 
 

@@ -25,6 +25,7 @@ from workflow.squeal.pencil import SYMMETRIC, Complex, Pencil, rows_of, summed, 
 from workflow.squeal.sliding import Face
 
 TOLERANCE = 1e-10  # of an eigenvalue
+LOWER = 0.7  # frequency over one up to which there are too many modes
 SHIFT = 0.5  # over the highest frequency
 MORE = 10  # eigenvalues that are looked for besides those that a frictionless contact has
 WIDER = 1.1  # reach of what is found over what is asked: growing modes lie aside
@@ -63,6 +64,13 @@ def check_count(pencil: Pencil, top: float, most: int) -> int:
             f"--to {top:g}: {count} modes up to {top:g} Hz; expected at most {most}, see --most"
         )
     return count
+
+
+def fewer(pencil: Pencil, top: float, most: int) -> float:
+    """Return a frequency, lower where there are too many modes up to it [Hz]."""
+    while below(pencil.K, (2 * np.pi * top) ** 2) > most:
+        top *= LOWER
+    return top
 
 
 def full(pencil: Pencil, top: float, count: int) -> Eigen:

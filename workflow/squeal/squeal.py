@@ -28,7 +28,15 @@ from workflow.simulation.threads import one_per_rank
 from workflow.squeal.feeding import fed
 from workflow.squeal.pencil import Complex, Pencil, pencil
 from workflow.squeal.sliding import Face, drift_at, faces
-from workflow.squeal.solve import Eigen, Projection, check_count, full, projection, refined
+from workflow.squeal.solve import (
+    Eigen,
+    Projection,
+    check_count,
+    fewer,
+    full,
+    projection,
+    refined,
+)
 from workflow.squeal.steady import steady
 
 ROADS = ("full", "projection")
@@ -62,7 +70,7 @@ def squeal(
     out: str | Path | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
-    top: float = 10e3,
+    top: float | None = 10e3,
     road: str = "full",
     friction: Sequence[float] = (),
     slip: Sequence[float] | None = None,
@@ -77,7 +85,7 @@ def squeal(
         scene: The scene.
         out: Folder for ``squeal.json``, ``squeal.vtkhdf`` and figures; nothing is written if None.
         comm: Ranks that share it.
-        top: Highest frequency [Hz].
+        top: Highest frequency; if None, what the mesh bears, with at most ``most`` modes [Hz].
         road: ``full`` matrices, or their ``projection`` on real modes and contact modes.
         friction: Coefficients over which the modes are followed, by projection and in the state of
             the scene's own friction; if none, and there is a folder, from 0 to the scene's own.
@@ -97,12 +105,13 @@ def squeal(
     with nullcontext() if out is None else occupied(out, comm, "squealx squeal") as folder:
         with one_per_rank():
             model = build(scene, comm, log)
-            cells = check_cells(model, top)
+            bears = borne(model, top)
             sliding = steady(model, None if slip is None else np.array(slip), sticking, log)
             told(sliding, log)
             small = pencil(model, sliding)
             if not len(friction) and (out is not None or len(angles)):
                 friction = np.linspace(0.0, mean_friction(sliding), FOLLOWED).tolist()
+            top = fewer(small, bears, most) if top is None else top
             count = check_count(small, top, most)
             log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
             few = projection(small, top) if road == "projection" or len(friction) else None
@@ -122,7 +131,7 @@ def squeal(
             "free_motions": small.size,
             "ranks": comm.size,
             "top": top,
-            "cells_per_wavelength": cells,
+            "cells_per_wavelength": CELLS * bears / top,
             "contacts": contacts_of(sliding),
             "unstable": sum(row["kind"] != "stable" for row in table),
             "modes": table,
@@ -139,7 +148,7 @@ def squeal(
 
 def check(
     scene: Scene,
-    top: float,
+    top: float | None,
     road: str,
     friction: Sequence[float],
     sticking: Sequence[str],
@@ -150,7 +159,7 @@ def check(
     Raises:
         SceneError: naming option or key.
     """
-    if not top > 0:
+    if top is not None and not top > 0:
         raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
     if road not in ROADS:
         raise SceneError(f"--road {road!r}: expected {' or '.join(ROADS)}")
@@ -177,25 +186,30 @@ def check(
         )
 
 
-def check_cells(model: Model, top: float) -> float:
-    """Return the fewest cells that a wave of shear has in a body at a frequency.
+def borne(model: Model, top: float | None) -> float:
+    """Return the frequency at which a wave of shear has the fewest cells that do [Hz].
+
+    Args:
+        model: The model.
+        top: Highest frequency that is asked for, if one is [Hz].
 
     Raises:
-        SceneError: if that is too few.
+        SceneError: if it is higher.
     """
     mesh, found = model.domain.source, []
     for name, body in model.scene.bodies.items():
         m = isotropic(model.bodies.materials[name])
         own = mesh.cells[np.isin(mesh.regions, model.bodies.tags(body))]
         edge = np.quantile(edge_lengths(mesh.points, own), USUAL)
-        found.append((float(np.sqrt(m.mu / m.rho) / (top * edge)), name))
-    cells, name = min(found)
-    if cells < CELLS:
+        found.append((float(np.sqrt(m.mu / m.rho) / edge / CELLS), name))
+    bears, name = min(found)
+    if top is not None and top > bears:
+        cells = CELLS * bears / top
         raise SceneError(
             f"--to {top:g}: a wave of shear at {top:g} Hz has {cells:.2g} cells of body {name!r}; "
-            f"expected {CELLS:g} or more, up to {top * cells / CELLS:.3g} Hz on this mesh"
+            f"expected {CELLS:g} or more, up to {bears:.3g} Hz on this mesh"
         )
-    return cells
+    return bears
 
 
 def told(faces: list[Face], log: Callable[[str], Any]) -> None:
