@@ -228,13 +228,14 @@ def assembled(comm: MPI.Comm, local: int, parts: Iterable[Triplets]) -> PETSc.Ma
     return A
 
 
-def times(A: PETSc.Mat, rows: Array) -> Array:
-    """Return the products of a matrix with vectors, a row each."""
+def times(A: PETSc.Mat, rows: Array, *, transposed: bool = False) -> Array:
+    """Return the products of a square matrix, or its transpose, with vectors, a row each."""
     x, y = A.createVecRight(), A.createVecLeft()
     out = np.empty_like(rows)
+    multiply = A.multTranspose if transposed else A.mult
     for k, row in enumerate(rows):
         x.array[:] = row
-        A.mult(x, y)
+        multiply(x, y)
         out[k] = y.array_r
     return out
 

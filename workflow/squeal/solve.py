@@ -31,7 +31,7 @@ MORE = 10  # eigenvalues that are looked for besides those that a frictionless c
 WIDER = 1.1  # reach of what is found over what is asked: growing modes lie aside
 BEYOND = 1.3  # highest frequency of the real modes over that asked for
 REFINED = 1e-8  # residual of a mode on the full matrices
-STEPS = 12  # of Davidson's method
+STEPS = 40  # of Davidson's method
 ALIKE = 1e-10  # share of a shape that others do not have, below which it is left out
 
 
@@ -208,6 +208,19 @@ class Projection:
             C_f += b.T @ (c.turning[:, None] * b)
         return replace(self, K_f=K_f, C_f=C_f)
 
+    def widened(self, rows: Array) -> "Projection":
+        """Return the projection on more orthonormal shapes, ``(k, n)``; collective."""
+        V, comm = np.vstack([self.V, rows]), self.pencil.comm
+
+        def wider(A: PETSc.Mat, own: Array) -> Array:
+            right = comm.allreduce(V @ times(A, rows).T)
+            left = comm.allreduce(times(A, rows, transposed=True) @ self.V.T)
+            return np.block([[np.vstack([own, left]), right]])
+
+        p = self.pencil
+        pairs = ((p.K, self.K), (p.C, self.C), (p.K_f, self.K_f), (p.C_f, self.C_f))
+        return Projection(p, V, *(wider(A, own) for A, own in pairs))
+
     def _moves(self, nodes: Index) -> Array:
         """Return how HexMesh nodes move in each shape, on all ranks, shape ``(3 k, r)``."""
         dofs = self.pencil.domain.local_dofs(nodes)
@@ -274,7 +287,7 @@ def refined(pencil: Pencil, eigen: Eigen, chosen: Flags) -> Eigen:
                 break
             (left_over,) = defects(pencil, found.values, found.shapes)
             more = np.vstack([solve(part) for part in parts_of(left_over)])
-            few = spanned(pencil, few.V, besides(pencil.comm, few.V, more))
+            few = few.widened(besides(pencil.comm, few.V, more))
     return Eigen(values, shapes, left)
 
 
@@ -284,12 +297,10 @@ def parts_of(y: Complex) -> tuple[Array, Array]:
 
 
 def besides(comm: MPI.Comm, V: Array, rows: Array) -> Array:
-    """Return what rows have besides orthonormal ones, of unit length; collective."""
+    """Return an orthonormal basis of what rows have besides orthonormal ones; collective."""
     for _ in range(2):  # most of them is in V
-        rows = rows - comm.allreduce(rows @ V.T) @ V
-        size = np.sqrt(comm.allreduce((rows**2).sum(axis=1)))
-        rows = rows[size > 0.0] / size[size > 0.0, None]  # none of a real shape's imaginary part
-    return np.asarray(rows)
+        rows = orthonormal(comm, rows - comm.allreduce(rows @ V.T) @ V)
+    return rows
 
 
 def inverse(K: PETSc.Mat, shift: float) -> Callable[[Array], Array]:
