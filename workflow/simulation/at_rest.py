@@ -18,6 +18,7 @@ from workflow.model import Model
 from workflow.model.state import Load
 from workflow.model.supports import supports
 from workflow.scene.settings import Equilibrium
+from workflow.simulation.guards import GuardError
 
 if TYPE_CHECKING:
     from workflow.simulation.elastic import Free
@@ -103,7 +104,11 @@ class AtRest:
             item.settle_memory(self.model.state)
 
     def load_size(self) -> float:
-        """Norm of the dead loads and the weight of the point masses, scale of the residual [N]."""
+        """Norm of the dead loads and the weight of the point masses, scale of the residual [N].
+
+        Raises:
+            GuardError: if there are neither such nor contact forces.
+        """
         model = self.model
         nodal = sum((item.nodal for item in self._dead), np.zeros(3 * model.domain.owned))
         square = model.domain.msh.comm.allreduce(float(nodal @ nodal))
@@ -112,7 +117,10 @@ class AtRest:
             square += float(((masses.mass[:, None] * masses.gravity) ** 2).sum())
         if square == 0.0:
             # driven bodies are pressed together by their approach: the scale is the contact force
-            return float(sum(np.linalg.norm(p.normal_resultant) for p in model.pairs.values()))
+            pressed = sum(np.linalg.norm(p.normal_resultant) for p in model.pairs.values())
+            if pressed == 0.0:
+                raise GuardError("no loads, and nothing touches: no forces to balance")
+            return float(pressed)
         return float(np.sqrt(square))
 
 
