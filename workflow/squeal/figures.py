@@ -133,6 +133,7 @@ def growth_in_time(seen: Window, found: dict[str, Any]) -> "Figure":
     over_time.set(xlabel=f"time [{unit}]", ylabel=f"{row['channel']} [{newton}]", yscale="log")
     over_time.set_ylim(bottom=1e-3 * np.abs(x).max())
     over_time.legend(loc="best")
+    square = f"({newton})²" if "/" in newton else f"{newton}²"
     own = [band for band in found["bands"] if band["channel"] == row["channel"]]
     by_band.plot(
         [band["band"] for band in own],
@@ -142,7 +143,7 @@ def growth_in_time(seen: Window, found: dict[str, Any]) -> "Figure":
     )
     by_band.axvline(f, color=GROWING, lw=0.8)
     by_band.set(
-        xscale="log", yscale="log", xlabel="third octave [Hz]", ylabel=f"mean square [({newton})²]"
+        xscale="log", yscale="log", xlabel="third octave [Hz]", ylabel=f"mean square [{square}]"
     )
     style.letter(over_time, "a", "growth")
     style.letter(by_band, "b", "bands")
