@@ -16,6 +16,7 @@ from workflow.audit.limits import Limits
 from workflow.model.advice import landing_gain
 from workflow.model.model import build
 from workflow.simulation.initial import start
+from workflow.squeal.squeal import squeal
 
 SMALL = {"mesh.size": 0.005, "mesh.base_size": 0.006, "mesh.base": [0.03, 0.03, 0.01]}
 STEEL = HalfSpace(210e9 / 2.6, 0.3, 7800.0)
@@ -176,6 +177,28 @@ def test_doubts(change, words):
 
 def test_a_shipped_scene_gives_no_cause_to_doubt():
     assert report(Scene.load("sliding-block", **SMALL))["doubts"] == []
+
+
+def test_the_sliding_state_by_itself():
+    """A block is said to flutter where its eigenvalues do, and to be stable at a tenth of that.
+
+    Without friction or motion nothing is said; where there is no steady sliding, why.
+    """
+    own = {"mesh.size": 5e-3, "mesh.base_size": 6e-3}
+    grows = report(Scene.load("sliding-block", **own, **{"contacts.face.friction": 0.6}))
+    fastest = grows["sliding"]["growing"][0]
+    found = squeal(
+        Scene.load("sliding-block", **own, **{"contacts.face.friction": 0.6}), top=60e3
+    ).summary
+    (mode,) = [mode for mode in found["modes"] if mode["kind"] != "stable"]
+    assert fastest == {key: pytest.approx(mode[key], rel=1e-6) for key in fastest}
+    assert any("grows by" in line and "per second" in line for line in printout(grows))
+    calm = report(Scene.load("sliding-block", **own, **{"contacts.face.friction": 0.03}))
+    assert calm["sliding"]["growing"] == []
+    assert any("sliding state by itself: stable to" in line for line in printout(calm))
+    assert report(Scene.load("bar-impact"))["sliding"] is None
+    told = report(Scene.load("carter", **{"mesh.size": 1e-3, "equilibrium.tolerance": 1e-3}))
+    assert "no steady sliding" in told["sliding"]["unknown"]
 
 
 def test_turning_bodies_in_single_precision():

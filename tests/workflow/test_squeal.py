@@ -46,15 +46,19 @@ def test_block_leans_on_its_friction():
 
 
 def test_two_roads():
-    """Full matrices and projection find the same flutter of the block; all of it is friction's."""
+    """Full matrices and projection find the same flutter of the block, to the ninth digit.
+
+    What grows in the projection is brought to convergence on the full matrices; without that it is
+    off by 0.2 %. All of the growth is friction's.
+    """
     rows = {}
     for road in ("full", "projection"):
         found = squeal(block(), comm=MPI.COMM_SELF, top=TOP, road=road).summary
         (rows[road],) = [mode for mode in found["modes"] if mode["kind"] != "stable"]
     full, few = rows["full"], rows["projection"]
-    assert full["residual"] < 1e-8
-    assert few["frequency"] == pytest.approx(full["frequency"], rel=1e-3)
-    assert few["growth_rate"] == pytest.approx(full["growth_rate"], rel=1e-2)
+    assert full["residual"] < 1e-8 and few["residual"] < 1e-8
+    assert few["frequency"] == pytest.approx(full["frequency"], rel=1e-9)
+    assert few["growth_rate"] == pytest.approx(full["growth_rate"], rel=1e-8)
     assert full["fed_by"]["face"] == pytest.approx(full["growth_rate"], rel=1e-6)
 
 
