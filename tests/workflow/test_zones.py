@@ -140,7 +140,7 @@ def test_no_force_at_the_border_of_a_contact_zone_in_uniform_strain(element):
 def test_cells_that_yield_are_of_the_contact_zone(run_scene):
     """Steel that yields in `selective` cells of a `one-point` bar: as if all were selective.
 
-    In a bar that the wave does not leave; the stress on the wall is within 0.2 %.
+    To 1e-9 of the force, until the wave is back from where the other cells begin.
     """
     keys = {"mesh.size": 2.5e-3, "bodies.bar.kinematics": "total-lagrangian"}
     zoned = {
@@ -150,8 +150,12 @@ def test_cells_that_yield_are_of_the_contact_zone(run_scene):
     whole = history(run_scene("plastic-bar", **keys, **{"bodies.bar.element": "selective"}))
     near = history(run_scene("plastic-bar", **keys, **zoned, **{"bodies.bar.element": "one-point"}))
     force = whole["wall_normal_force"]
-    assert whole["plastic_work"][-1] > 0
-    np.testing.assert_allclose(near["wall_normal_force"], force, rtol=0, atol=2e-3 * force.max())
+    assert whole["bar_largest_plastic_strain"][-1] > 1e-3
+    early = whole["t"] < 0.095 / 5189  # until the wave is back from the border of the zone
+    assert early.sum() > 5
+    np.testing.assert_allclose(
+        near["wall_normal_force"][early], force[early], rtol=0, atol=1e-9 * force.max()
+    )
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,19 @@ AUDIBLE = 20.0  # Hz
 MOST_ANGLE = 0.2  # rad: a wheel climbs long before
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a sliding state, see :func:`squeal`."""
+
+    top: float | None
+    road: str
+    friction: Sequence[float]
+    slip: Sequence[float] | None
+    sticking: Sequence[str]
+    angles: Sequence[float]
+    most: int
+
+
 @dataclass(frozen=True, eq=False)
 class Squeal:
     """Small motions about steady sliding, on rank 0; elsewhere the table alone.
@@ -100,65 +113,74 @@ def squeal(
         SceneError: if nothing slides, rubs or touches, or the mesh is too coarse for ``top``.
         GuardError: if there is no steady state.
     """
-    started = time.perf_counter()
-    check(scene, top, road, friction, sticking, angles)
+    asked = Asked(top, road, friction, slip, sticking, angles, most)
+    check(scene, asked)
     with nullcontext() if out is None else occupied(out, comm, "squealx squeal") as folder:
         with one_per_rank():
             model = build(scene, comm, log)
-            bears = borne(model, top)
-            sliding = steady(model, None if slip is None else np.array(slip), sticking, log)
-            told(sliding, log)
-            small = pencil(model, sliding)
-            if not len(friction) and (out is not None or len(angles)):
-                friction = np.linspace(0.0, mean_friction(sliding), FOLLOWED).tolist()
-            top = fewer(small, bears, most) if top is None else top
-            count = check_count(small, top, most)
-            log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
-            few = projection(small, top) if road == "projection" or len(friction) else None
-            if road == "projection" and few:
-                eigen = up_to(few.eigen(top), top)
-                growing = np.array([kind_of(complex(value)) != "stable" for value in eigen.values])
-                eigen = refined(small, eigen, growing)
-            else:
-                eigen = up_to(full(small, top, count), top)
-            table, shapes = labelled(small, eigen)
-            followed = locus(few, sliding, friction, top) if few else []
-            mapped = over_angles(model, few, sticking, angles, friction, top) if few else []
-        found = {
-            "scene": scene.name,
-            "road": road,
-            "cells": len(model.domain.source.cells),
-            "free_motions": small.size,
-            "ranks": comm.size,
-            "top": top,
-            "cells_per_wavelength": CELLS * bears / top,
-            "contacts": contacts_of(sliding),
-            "unstable": sum(row["kind"] != "stable" for row in table),
-            "modes": table,
-            "locus": followed,
-            "map": mapped,
-            "wall_seconds": time.perf_counter() - started,
-        }
-        log(f"{found['unstable']} of {len(table)} modes grow")
-        result = Squeal(found, model.domain.source, shapes)
+            result = small_motions(model, asked, log, followed=out is not None)
         if folder is not None and comm.rank == 0:
             write(folder, scene, result)
     return result
 
 
-def check(
-    scene: Scene,
-    top: float | None,
-    road: str,
-    friction: Sequence[float],
-    sticking: Sequence[str],
-    angles: Sequence[float],
-) -> None:
+def small_motions(
+    model: Model, asked: Asked, log: Callable[[str], Any], *, followed: bool
+) -> Squeal:
+    """Bring a model to steady sliding, in place, and return what its small motions do; collective.
+
+    Args:
+        model: The model.
+        asked: What is looked for.
+        log: Called with lines of progress.
+        followed: Whether modes are followed over friction, if it is not said over which.
+    """
+    started = time.perf_counter()
+    bears, slip = borne(model, asked.top), asked.slip
+    sliding = steady(model, None if slip is None else np.array(slip), asked.sticking, log)
+    told(sliding, log)
+    small, friction = pencil(model, sliding), asked.friction
+    if not len(friction) and (followed or len(asked.angles)):
+        friction = np.linspace(0.0, mean_friction(sliding), FOLLOWED).tolist()
+    top = fewer(small, bears, asked.most) if asked.top is None else asked.top
+    count = check_count(small, top, asked.most)
+    log(f"{count} modes up to {top:g} Hz without friction, {small.size} free motions")
+    few = projection(small, top) if asked.road == "projection" or len(friction) else None
+    eigen = of_projection(few, top) if few and asked.road == "projection" else None
+    table, shapes = labelled(small, eigen or up_to(full(small, top, count), top))
+    found = {
+        "scene": model.scene.name,
+        "road": asked.road,
+        "cells": len(model.domain.source.cells),
+        "free_motions": small.size,
+        "ranks": small.comm.size,
+        "top": top,
+        "cells_per_wavelength": CELLS * bears / top,
+        "contacts": contacts_of(sliding),
+        "unstable": sum(row["kind"] != "stable" for row in table),
+        "modes": table,
+        "locus": locus(few, sliding, friction, top) if few else [],
+        "map": over_angles(model, few, asked, friction, top) if few else [],
+    }
+    found["wall_seconds"] = time.perf_counter() - started
+    log(f"{found['unstable']} of {len(table)} modes grow")
+    return Squeal(found, model.domain.source, shapes)
+
+
+def of_projection(few: Projection, top: float) -> Eigen:
+    """Return the modes of a projection up to a frequency [Hz]; those that grow are refined."""
+    eigen = up_to(few.eigen(top), top)
+    growing = np.array([kind_of(complex(value)) != "stable" for value in eigen.values], dtype=bool)
+    return refined(few.pencil, eigen, growing)
+
+
+def check(scene: Scene, asked: Asked) -> None:
     """Refuse what has no answer, before any work.
 
     Raises:
         SceneError: naming option or key.
     """
+    top, road, friction, angles = asked.top, asked.road, asked.friction, asked.angles
     if top is not None and not top > 0:
         raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
     if road not in ROADS:
@@ -171,7 +193,7 @@ def check(
         raise SceneError(
             "--angles: expected a wheel that rolls on a rail, with [rolling]; got none"
         )
-    if unknown := sorted(set(sticking) - scene.contacts.keys()):
+    if unknown := sorted(set(asked.sticking) - scene.contacts.keys()):
         raise SceneError(f"--stick {', '.join(unknown)}: expected some of {list(scene.contacts)}")
     if not scene.contacts:
         raise SceneError(f"{scene.name}: no contacts; expected one with friction, for squeal")
@@ -297,8 +319,7 @@ def locus(
 def over_angles(
     model: Model,
     few: Projection,
-    sticking: Sequence[str],
-    angles: Sequence[float],
+    asked: Asked,
     friction: Sequence[float],
     top: float,
 ) -> list[dict[str, Any]]:
@@ -308,8 +329,8 @@ def over_angles(
     fast, is that of the angle.
     """
     found = []
-    for angle in angles:
-        turned = faces(model, None, sticking, drift_at(model, angle))
+    for angle in asked.angles:
+        turned = faces(model, None, asked.sticking, drift_at(model, angle))
         for row in locus(few.rubbed(turned), turned, friction, top):
             heard = [mode for mode in row["modes"] if mode["frequency"] >= AUDIBLE]
             most = max(heard, key=lambda mode: mode["growth_rate"], default=None)
