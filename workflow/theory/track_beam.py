@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Track as a beam on two layers, pads, sleepers and ballast all spread evenly along it.
 
-An endless Bernoulli beam, ``E I w'''' + (S - m ω²) w = F δ(x)``, on the dynamic stiffness
-``S = p q / (p + q)`` per length with ``p = k_p + i ω c_p`` of the pads and ``q = k_b + i ω c_b - m_s ω²`` of
-sleepers on ballast (D. J. Thompson, *Railway Noise and Vibration*, chapter 3). Sleepers that lie
-apart, and the pinned-pinned resonance between them, it does not know.
+An endless Bernoulli beam, ``E I ∂⁴w/∂x⁴ + (S - m ω²) w = F δ(x)``, on the dynamic stiffness per
+length ``S = p q / (p + q)`` of pads, ``p = k_p + i ω c_p``, and of sleepers on ballast,
+``q = k_b + i ω c_b - m_s ω²`` (D. J. Thompson, *Railway Noise and Vibration*, chapter 3). It knows
+no sleepers that lie apart, and no pinned-pinned resonance between them.
 """
 
 from dataclasses import dataclass, replace
@@ -101,8 +101,8 @@ def of_scene(scene: Scene) -> TrackBeam | None:
 def fit_track(beam: TrackBeam, curve: str | Path) -> TrackBeam:
     """Return a track whose pads and ballast give a measured receptance.
 
-    Least squares of the logarithm of the magnitude, over the logarithms of both stiffnesses and both
-    dampings. Lines above half of the pinned-pinned frequency should be left out of the curve.
+    Least squares of the logarithm of the magnitude, over the logarithms of both stiffnesses and
+    both dampings. The curve should end below the pinned-pinned frequency, about 1 kHz.
 
     Args:
         beam: Rail, sleepers and first guess of pads and ballast.
