@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Figure of a run under a hammer: receptance, its phase, and the decay rate of the track."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workflow.figures import style
-from workflow.results.receptance import DB, Receptance, bands, decay_rates, rates
+from workflow.results.receptance import DB, Receptance, bands, blow, decay_rates, rates
 from workflow.results.record import Record
 from workflow.theory.track_beam import TrackBeam, of_scene
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 NEAR = 0.01  # m: probes no further from the nearest one are drawn
 FAINT = 0.1  # of the receptance: more cut off is drawn faintly
+BEAM = 300  # frequencies that beams are drawn at
 COLOURS = ("#0b6e99", "#e07b00", "#3a8f3a", "#d1242f")
 
 
@@ -29,15 +31,18 @@ def draw(found: Receptance, record: Record) -> Path:
 def figure(found: Receptance, record: Record) -> "Figure":
     """Receptance where it is hit and its phase, decay rate along each row of probes.
 
-    Behind them, for a rail on its track, a beam on two layers that sleepers are spread over evenly.
+    Behind them, for a rail on its track, beams on sleepers spread evenly and on sleepers apart.
     """
-    beam = of_scene(record.checked)
+    beam, scene = of_scene(record.checked), record.checked
+    hit = blow(scene).point[0] + getattr(scene.mesh, "start", 0.0)  # a sleeper is in the middle
     rows = 2 + bool(found.rows)
     fig = style.figure(style.PAGE, 2.1 * rows + 0.9)
     every = fig.subplots(rows, 1, sharex=True)
-    magnitude(every[0], every[1], found, beam)
+    if beam is not None:
+        behind(every, found, beam, hit)
+    magnitude(every[0], every[1], found)
     if found.rows:
-        decay(every[2], found, beam)
+        decay(every[2], found)
     for axes in every:
         axes.set_xscale("log")
         axes.grid(True, which="minor", lw=0.25)
@@ -46,13 +51,26 @@ def figure(found: Receptance, record: Record) -> "Figure":
     return fig
 
 
-def magnitude(above: "Axes", below: "Axes", found: Receptance, beam: TrackBeam | None) -> None:
+def behind(every: Sequence["Axes"], found: Receptance, beam: TrackBeam, hit: float) -> None:
+    """Draw what beams have: on two even layers, and on sleepers that lie apart."""
+    f = np.geomspace(found.frequency[0], found.frequency[-1], BEAM)
+    middles = bands(found.frequency[0], found.frequency[-1])
+    x = found.distance[next(iter(found.rows.values()))] if found.rows else np.zeros(1)
+    apart = beam.on_sleepers(f, hit, hit + x)
+    for name, value, colour in (
+        ("beam on two even layers", beam.receptance(f, x), style.CLOSED_FORM),
+        ("beam on sleepers apart, point masses", apart, style.CLOSED_FORMS[1]),
+    ):
+        look: dict[str, Any] = {"color": colour, "lw": 2.5}
+        every[0].loglog(f, np.abs(value[0]), label=name, **look)
+        every[1].plot(f, np.degrees(np.angle(value[0])), **look)
+        if found.rows:
+            every[2].loglog(middles, decay_rates(f, value, x, middles), label=name, **look)
+
+
+def magnitude(above: "Axes", below: "Axes", found: Receptance) -> None:
     """Draw magnitude and phase of the probes nearest to the blow; thin where they are cut off."""
     f = found.frequency
-    if beam is not None:
-        value = beam.receptance(f)
-        above.loglog(f, np.abs(value), color=style.CLOSED_FORM, lw=2.5, label="beam on two layers")
-        below.plot(f, np.degrees(np.angle(value)), color=style.CLOSED_FORM, lw=2.5)
     away = np.abs(found.distance)
     for k, i in enumerate(np.flatnonzero(away <= away.min() + NEAR)):
         colour = COLOURS[k % len(COLOURS)]
@@ -70,14 +88,11 @@ def magnitude(above: "Axes", below: "Axes", found: Receptance, beam: TrackBeam |
     above.legend()
 
 
-def decay(axes: "Axes", found: Receptance, beam: TrackBeam | None) -> None:
+def decay(axes: "Axes", found: Receptance) -> None:
     """Draw decay rates in third-octave bands, and what probes of that reach can tell apart."""
     middles = bands(found.frequency[0], found.frequency[-1])
     for k, (key, row) in enumerate(found.rows.items()):
         x, colour = found.distance[row], COLOURS[k % len(COLOURS)]
-        if beam is not None:
-            smooth = decay_rates(found.frequency, beam.receptance(found.frequency, x), x, middles)
-            axes.loglog(middles, smooth, "s-", color=style.CLOSED_FORM, lw=2.5, ms=5)
         axes.loglog(middles, rates(found, row, middles), "o-", color=colour, ms=3.5, label=key)
         reach = f"least that can be told to {x[-1]:.3g} m"
         axes.axhline(DB / x[-1], color=colour, ls=":", lw=0.9, label=reach)
