@@ -114,12 +114,12 @@ def coarse_rail(
     return _in_track(tagged, head, inclination, gauge, gauge_depth)
 
 
-def coarse_rail_cells(
+def coarse_rail_extent(
     length: float, x0: float, *, size: float, zone: tuple[float, float], largest: float, design: str
-) -> int:
-    """Return how many cells :func:`coarse_rail` makes; it raises as that."""
+) -> tuple[int, int]:
+    """Return how many cells and nodes :func:`coarse_rail` makes; it raises as that."""
     section, stations, _ = _coarse(length, x0, size, zone, largest, design)
-    return (len(stations) - 1) * len(section.quads)
+    return (len(stations) - 1) * len(section.quads), len(stations) * len(section.points)
 
 
 def _coarse(

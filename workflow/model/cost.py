@@ -210,8 +210,7 @@ def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:
     if isinstance(scene.mesh, WheelRailMesh):
         return _wheel_on_rail(scene, scene.mesh)
     if isinstance(scene.mesh, RailMesh):
-        cells = geometry.rail_alone_cells(scene.mesh)
-        return Extent(cells, round(1.25 * cells), SHORTEST, WITHIN)
+        return Extent(*geometry.rail_alone_extent(scene.mesh), SHORTEST)
     if isinstance(scene.mesh, HollowSphereMesh):
         return _hollow_sphere(scene.mesh)
     try:

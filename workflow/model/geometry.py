@@ -470,14 +470,10 @@ def _cells_of(
             found += count(**plan)
         except ValueError as error:
             raise SceneError(_with_key(mesh, side, str(error))) from None
-    return found + sleeper_cells(mesh)
-
-
-def sleeper_cells(mesh: RailMesh | WheelRailMesh) -> int:
-    """Return about how many cells the solid sleepers of a rail have."""
-    if mesh.sleepers is None:
-        return 0
-    return int(mesh.rail_length / mesh.sleepers.spacing) * int(np.prod(mesh.sleepers.cells))
+    if mesh.sleepers is not None:
+        nx, ny, nz = mesh.sleepers.cells
+        found += int(mesh.rail_length / mesh.sleepers.spacing) * nx * ny * nz
+    return found
 
 
 def _with_key(mesh: WheelRailMesh, side: str, error: str) -> str:
@@ -572,15 +568,21 @@ def rail_alone(mesh: RailMesh) -> HexMesh:
     return join(track, *sleepers_under(track, mesh))
 
 
-def rail_alone_cells(mesh: RailMesh) -> int:
-    """Return how many cells :func:`rail_alone` makes; it raises as that."""
-    from meshes.wheel_rail.rail import coarse_rail_cells
+def rail_alone_extent(mesh: RailMesh) -> tuple[int, int]:
+    """Return how many cells and nodes :func:`rail_alone` makes; it raises as that."""
+    from meshes.wheel_rail.rail import coarse_rail_extent
+    from meshes.wheel_rail.sleepers import places
 
+    plan = rail_plan(mesh)
     try:
-        found = coarse_rail_cells(**rail_plan(mesh))
+        cells, nodes = coarse_rail_extent(**plan)
     except ValueError as error:
         raise SceneError(_of_rail(mesh, str(error))) from None
-    return found + sleeper_cells(mesh)
+    if mesh.sleepers is not None:
+        n = np.array(mesh.sleepers.cells)
+        under = len(places(plan["x0"], plan["x0"] + mesh.rail_length, mesh.sleepers.spacing))
+        cells, nodes = cells + under * int(n.prod()), nodes + under * int((n + 1).prod())
+    return cells, nodes
 
 
 def _of_rail(mesh: RailMesh, error: str) -> str:

@@ -81,4 +81,5 @@ def rim(samples: Samples, names: list[str], spin: Array, centre: Array) -> Rim:
     moved = np.stack(
         [turned(samples.motion[names[i]], samples.t, spin) @ frames[i].T for i in order], axis=1
     )
-    return Rim(samples.t, np.fft.fft(moved, axis=1) / len(names), size)
+    waves = np.asarray(np.fft.fft(moved, axis=1) / len(names), dtype=np.complex128)
+    return Rim(samples.t, waves, size)
