@@ -84,7 +84,7 @@ def magnitude(above: "Axes", below: "Axes", found: Receptance) -> None:
     style.letter(above, "a", f"displacement over force{thin}")
     style.letter(below, "b", "its phase")
     above.set_ylabel("receptance [m/N]")
-    below.set(ylabel="phase [°]", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
+    below.set(ylabel="phase [°]", ylim=(-190, 20), yticks=[-180, -90, 0])
     above.legend()
 
 
