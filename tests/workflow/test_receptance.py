@@ -91,6 +91,9 @@ def test_receptance_command(struck, command):
     assert lines.shape[1] == 7
     np.testing.assert_allclose(lines[:, 1], np.abs(oscillator(lines[:, 0])), rtol=0.01)
     assert (struck / "figures" / "receptance.png").stat().st_size > 10_000
+    drawn = json.loads(command("figures", struck, "--json").stdout)["figures"]
+    assert [name for name in drawn if "receptance" in name]
+    assert not [name for name in drawn if "spectra" in name]
 
 
 @pytest.mark.mpi
@@ -219,7 +222,7 @@ def test_a_rail_that_cannot_be_meshed(changes, message):
 
 def test_a_run_without_blow_and_frequencies_out_of_range(struck, tmp_path, command):
     """Exit code 2; the option or key is named."""
-    with pytest.raises(SceneError, match=r"--from 20 --to 3000: expected .* below 1993 Hz"):
+    with pytest.raises(SceneError, match=r"--from 20 --to 3000: expected .* up to 1988 Hz"):
         receptance(Record(struck), 20.0, 3000.0)
     changes = {"loads": [], "time.end": 1e-3, "time.output_interval": 1e-3}
     run(block(**changes), tmp_path / "run", quiet=True)

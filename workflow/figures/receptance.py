@@ -8,8 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.figures import style
-from workflow.results.receptance import DB, Receptance, bands, blow, decay_rates, rates
+from workflow.results.receptance import (
+    DB,
+    HIGHEST,
+    REACH,
+    Receptance,
+    bands,
+    blow,
+    decay_rates,
+    rates,
+    struck,
+)
+from workflow.results.receptance import receptance as receptances
 from workflow.results.record import Record
+from workflow.results.samples import read
+from workflow.results.spectra import FEWEST
 from workflow.theory.track_beam import TrackBeam, of_scene
 
 if TYPE_CHECKING:
@@ -28,11 +41,20 @@ def draw(found: Receptance, record: Record) -> Path:
         return style.save(figure(found, record), record.folder / "figures" / "receptance.png")
 
 
-def figure(found: Receptance, record: Record) -> "Figure":
-    """Receptance where it is hit and its phase, decay rate along each row of probes.
+def receptance(record: Record) -> "Figure | None":
+    """Displacement over force where a hammer hits, its phase, decay rate along rows of probes.
 
     Behind them, for a rail on its track, beams on sleepers spread evenly and on sleepers apart.
     """
+    samples = read(record.folder) if struck(record.checked) else None
+    if samples is None or len(samples.t) < FEWEST:
+        return None
+    high = min(HIGHEST, REACH / samples.interval)
+    return figure(receptances(record, high / 100, high), record)
+
+
+def figure(found: Receptance, record: Record) -> "Figure":
+    """Return the figure of :func:`receptance` over the frequencies that were found."""
     beam, scene = of_scene(record.checked), record.checked
     hit = blow(scene).point[0] + getattr(scene.mesh, "start", 0.0)  # a sleeper is in the middle
     rows = 2 + bool(found.rows)

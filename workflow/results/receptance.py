@@ -30,6 +30,8 @@ Complex = npt.NDArray[np.complex128]
 
 LINES = 8  # for each line that the length of the record resolves
 LAST = 0.1  # of the record
+LOWEST, HIGHEST = 20.0, 2000.0  # Hz, unless asked for otherwise
+REACH = 0.399  # of the rate of samples, to which their filter can be taken out
 PEAK = 3.0  # dB above its feet, from which it is one
 EDGE = 10**0.05  # of a band of a third of an octave, over its middle
 FEWEST = 3  # probes in a row
@@ -73,7 +75,7 @@ class Receptance:
     length: float
 
 
-def receptance(record: Record, low: float = 20.0, high: float = 2000.0) -> Receptance:
+def receptance(record: Record, low: float = LOWEST, high: float = HIGHEST) -> Receptance:
     """Return the receptances of a run under a hammer.
 
     Args:
@@ -88,10 +90,10 @@ def receptance(record: Record, low: float = 20.0, high: float = 2000.0) -> Recep
     hammer = blow(scene)
     if samples is None or not samples.motion:
         raise SceneError("probes: expected some in a run under a hammer, got none")
-    if not 0 < low < high < 0.4 / samples.interval:
+    if not 0 < low < high <= REACH / samples.interval:
         raise SceneError(
-            f"--from {low:g} --to {high:g}: expected rising frequencies below "
-            f"{0.4 / samples.interval:.4g} Hz, 0.4 over output.sample_interval"
+            f"--from {low:g} --to {high:g}: expected rising frequencies up to "
+            f"{REACH / samples.interval:.4g} Hz, 0.4 over output.sample_interval"
         )
     length = float(samples.t[-1] + samples.interval / 2)
     f = np.arange(low / EDGE, high * EDGE, 1 / (LINES * length))
@@ -119,8 +121,21 @@ def blow(scene: Scene) -> Hammer:
             "loads: expected a blow alone, without gravity, equilibrium and other loads, whose "
             "response is not its own"
         )
+    if scene.driven or scene.rolling or any(b.velocity for b in scene.bodies.values()):
+        raise SceneError(
+            "loads: expected a blow on bodies at rest, got such that are driven, roll or move"
+        )
     assert found[0].hammer is not None
     return found[0].hammer
+
+
+def struck(scene: Scene) -> bool:
+    """Whether a scene has a blow alone, and probes to see what it does."""
+    try:
+        blow(scene)
+    except SceneError:
+        return False
+    return bool(scene.probes)
 
 
 def transfer(samples: Samples, name: str, hammer: Hammer, f: Array, share: float) -> Complex:
