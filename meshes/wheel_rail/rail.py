@@ -97,7 +97,7 @@ def coarse_rail(
         length: Length of the rail [m].
         x0: Start of the rail [m].
         size: Length of cells along the rail in the zone, and on its running surface there and
-            elsewhere, 9 to 24 mm [m].
+            elsewhere, 3 to 24 mm [m].
         zone: Stretch along the rail with short cells [m].
         inclination: Slope of the rail towards the track centre.
         gauge: Distance of the gauge faces [m].
@@ -131,8 +131,8 @@ def _coarse(
     design: str,
 ) -> tuple[Section, Array, float]:
     """Return the section that a level of refinement begins with, stations, height of the base."""
-    if not 9e-3 <= size <= 24e-3:
-        raise ValueError(f"size: expected 9e-3 to 24e-3 m, got {size}")
+    if not 3e-3 <= size <= 24e-3:
+        raise ValueError(f"size: expected 3e-3 to 24e-3 m, got {size}")
     if not x0 < zone[0] < zone[1] < x0 + length:
         raise ValueError(
             f"zone: expected a stretch between the rail ends at {x0:.3f} and {x0 + length:.3f} m, "

@@ -208,7 +208,7 @@ def test_a_hammer_that_misses(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mesh.size": 0.004}, "mesh.size = 0.004: expected 9e-3 to 24e-3 m"),
+        ({"mesh.size": 0.002}, "mesh.size = 0.002: expected 3e-3 to 24e-3 m"),
         ({"mesh.rail_length": 0.5}, "mesh.rail_length = 0.5: expected a stretch between"),
     ],
 )

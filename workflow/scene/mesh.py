@@ -289,7 +289,7 @@ class RailMesh(Section):
     kind: Literal["rail"]
     """Names this mesh."""
     size: Length
-    """Edge of the cells of the running surface round x = 0, 9 to 24 mm."""
+    """Edge of the cells of the running surface round x = 0, 3 to 24 mm."""
     rail_profile: Literal["54E1", "60E1"] = "54E1"
     """Standard rail."""
     inclination: Slope = 1 / 40
