@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Loads that are not springs: dead loads, drive torque, damping by mass, carried mass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 
 from forms.nodal import lib, pointer, struct
@@ -73,31 +74,54 @@ class DeadLoad:
         return {"external_work": float(self.comm.allreduce(self.nodal @ u))}
 
 
+def pulse(s: float) -> float:
+    """Return ``sin²(π s)`` within 0 ≤ s ≤ 1, zero outside: a blow of a hammer."""
+    return float(np.sin(np.pi * s) ** 2) if 0.0 < s < 1.0 else 0.0
+
+
+def pulse_spectrum(frequency: Array, duration: float) -> npt.NDArray[np.complex128]:
+    """Return ``∫ pulse(t / T) exp(-i ω t) dt`` [s].
+
+    It is ``T / 2 sin(x) / (x (1 - (x / π)²)) exp(-i x)`` with ``x = ω T / 2``.
+
+    Args:
+        frequency: Shape ``(m,)`` [Hz].
+        duration: T [s].
+    """
+    y = np.asarray(frequency) * duration  # x / π
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.where(np.abs(y * y - 1) < 1e-9, 0.5, np.sinc(y) / (1 - y * y))
+    return np.asarray(duration / 2 * size * np.exp(-1j * np.pi * y))
+
+
 @dataclass
-class RampedLoad:
-    """A nodal force that comes up from nothing, smoothly; there is none at rest.
+class TimedLoad:
+    """A nodal force that is there for a time or comes up smoothly; there is none at rest.
 
     Attributes:
-        nodal: Force on every owned dof in the end, shape ``(3 * owned,)`` [N].
-        ramp: Time in which it comes up [s].
+        nodal: Force on every owned dof at its largest, shape ``(3 * owned,)`` [N].
+        time: Time in which it comes up, or a blow lasts [s].
+        course: Its part of the largest over time as a part of ``time``.
     """
 
     rest: ClassVar = None
 
     comm: MPI.Comm
     nodal: Array
-    ramp: float
+    time: float
+    course: Callable[[float], float] = smooth_step
     work: float = 0.0
     _last: tuple[float, float] | None = field(default=None, repr=False)  # share, work of all of it
 
     def add(self, state: Any, force: Any) -> None:
         """Add the load of the time and collect its work (trapezoidal in displacement)."""
-        share, whole = smooth_step(state.t / self.ramp), 0.0
+        share, whole = self.course(state.t / self.time), 0.0
+        before, then = self._last or (share, None)
         if share > 0.0:
             force.array[: len(self.nodal)] += share * self.nodal
+        if share > 0.0 or before > 0.0:
             whole = float(self.nodal @ state.u.x.array[: len(self.nodal)])
-        if self._last is not None:
-            before, then = self._last
+        if then is not None:
             self.work += (before + share) / 2 * (whole - then)
         self._last = share, whole
 

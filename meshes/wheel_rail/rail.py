@@ -76,11 +76,82 @@ def rail(
     stations = _stations(length, x0, fine, largest)
     swept = refine(extrude(section, stations), fine, section.band, _space)
     tagged = _tagged(swept, (x0, x0 + length), base)
+    return _in_track(tagged, head, inclination, gauge, gauge_depth)
+
+
+def coarse_rail(
+    length: float = 10.0,
+    x0: float = -5.0,
+    *,
+    size: float = 24e-3,
+    zone: tuple[float, float] = (-0.05, 0.05),
+    inclination: float = INCLINATION,
+    gauge: float = GAUGE,
+    gauge_depth: float = GAUGE_DEPTH,
+    largest: float = 0.1,
+    design: str = "54E1",
+) -> HexMesh:
+    """Return a rail in the track as :func:`rail`, its section the same all along.
+
+    Args:
+        length: Length of the rail [m].
+        x0: Start of the rail [m].
+        size: Length of cells along the rail in the zone, and on its running surface there and
+            elsewhere, 3 to 24 mm [m].
+        zone: Stretch along the rail with short cells [m].
+        inclination: Slope of the rail towards the track centre.
+        gauge: Distance of the gauge faces [m].
+        gauge_depth: How far below the rail top it is measured [m].
+        largest: Largest length of cells along the rail [m].
+        design: Standard rail, 54E1 or 60E1.
+
+    Raises:
+        ValueError: if the size is out of range or the zone not on the rail.
+    """
+    head = completed(drawn_rail(design), design)
+    section, stations, base = _coarse(length, x0, size, zone, largest, design)
+    tagged = _tagged(extrude(section, stations), (x0, x0 + length), base)
+    return _in_track(tagged, head, inclination, gauge, gauge_depth)
+
+
+def coarse_rail_extent(
+    length: float, x0: float, *, size: float, zone: tuple[float, float], largest: float, design: str
+) -> tuple[int, int]:
+    """Return how many cells and nodes :func:`coarse_rail` makes; it raises as that."""
+    section, stations, _ = _coarse(length, x0, size, zone, largest, design)
+    return (len(stations) - 1) * len(section.quads), len(stations) * len(section.points)
+
+
+def _coarse(
+    length: float,
+    x0: float,
+    size: float,
+    zone: tuple[float, float],
+    largest: float,
+    design: str,
+) -> tuple[Section, Array, float]:
+    """Return the section that a level of refinement begins with, stations, height of the base."""
+    if not 3e-3 <= size <= 24e-3:
+        raise ValueError(f"size: expected 3e-3 to 24e-3 m, got {size}")
+    if not x0 < zone[0] < zone[1] < x0 + length:
+        raise ValueError(
+            f"zone: expected a stretch between the rail ends at {x0:.3f} and {x0 + length:.3f} m, "
+            f"got {zone[0]:.3f} to {zone[1]:.3f} m"
+        )
+    head = completed(drawn_rail(design), design)
+    section, _, _, base = rail_section(size / 3, 1, head, design)
+    return section, zoned("x", (x0, x0 + length), zone, size, GROWTH, largest), base
+
+
+def _in_track(
+    upright: HexMesh, head: Profile, inclination: float, gauge: float, gauge_depth: float
+) -> HexMesh:
+    """Return an upright rail in its place, rail top at height 0."""
     turn = np.arctan(inclination)
     c, s = np.cos(turn), np.sin(turn)
     offset = track_offset(inclined(head, inclination), gauge, gauge_depth)
-    x, y, z = tagged.points.T
-    return tagged.moved(np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]]))
+    x, y, z = upright.points.T
+    return upright.moved(np.column_stack([x, c * y - s * z + offset[0], s * y + c * z + offset[1]]))
 
 
 def rail_cells(

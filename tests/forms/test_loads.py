@@ -12,7 +12,7 @@ from forms.loads import (
     DeadLoad,
     DriveTorque,
     MassDamping,
-    RampedLoad,
+    TimedLoad,
     nodal_pressure,
     nodal_traction,
     smooth_step,
@@ -76,7 +76,7 @@ def test_ramped_load_comes_up_and_knows_its_work():
 
     The spring follows at once, u = F / k; a checkpoint in the middle changes nothing.
     """
-    load, (state, force) = RampedLoad(MPI.COMM_SELF, np.array([6.0, 0, 0]), 3.0), motion(1)
+    load, (state, force) = TimedLoad(MPI.COMM_SELF, np.array([6.0, 0, 0]), 3.0), motion(1)
     assert load.rest is None
     for k in range(401):
         state.t, force.array[:] = k / 100, 0.0
@@ -86,7 +86,7 @@ def test_ramped_load_comes_up_and_knows_its_work():
             assert force.array[0] == pytest.approx(6 * 17 / 81)
         if k == 200:
             kept = load.memory()
-            load = RampedLoad(MPI.COMM_SELF, load.nodal, load.ramp)
+            load = TimedLoad(MPI.COMM_SELF, load.nodal, load.time)
             load.add(state, motion(1)[1])
             load.restore(kept)
     assert force.array[0] == 6.0

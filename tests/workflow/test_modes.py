@@ -15,7 +15,7 @@ from workflow import Scene
 from workflow.cli import main
 from workflow.modes.labels import Mode, labelled
 from workflow.modes.modes import matched, modes
-from workflow.modes.part import cut_out
+from workflow.modes.part import cut_out, spin_of
 
 STEEL = 7800.0
 AXLE = (np.array([0.1, -0.2, 0.3]), np.array([0.0, 1.0, 0.0]))
@@ -168,6 +168,7 @@ def test_two_ranks_find_the_same(command, tmp_path, monkeypatch):
         (("bar-wave", "--held", "xmin", "--to", "100"), "no mode up to 100 Hz"),
         (("bar-wave", "--most", "5"), "9 modes up to 10000 Hz; expected at most 5"),
         (("bar-wave", "--to=-3"), "--to -3: expected a frequency above 0 Hz"),
+        (("bar-wave", "--speed", "10"), "--speed 10: expected a wheel that rolls, got 'bar'"),
         (("flange-transition", "--size", "0.1"), "size: expected 2e-3 to 20e-3 m"),
     ],
 )
@@ -190,3 +191,22 @@ def test_held_surface_and_free(tmp_path):
     assert [m.frequency for m in found.modes] == pytest.approx([f, f], rel=0.03)
     free = modes(scene, comm=MPI.COMM_SELF, held="free", top=1000.0)
     assert [m.kind for m in free.modes] == ["rigid"] * 6
+
+
+def test_a_turning_wheel_seen_from_the_track():
+    """--speed 30: 65.2 rad/s at 0.46 m, f ± carried Ω/2π for n ≥ 1, one frequency for n = 0.
+
+    Left out, it is the scene's 80 km/h.
+    """
+    scene = Scene.load("flange-transition")
+    fast = modes(scene, comm=MPI.COMM_SELF, size=0.016, top=400.0, speed=30.0).summary
+    assert fast["spin"] == pytest.approx(30 / 0.46)
+    assert spin_of(scene, "wheelset", True, None) == pytest.approx(22.222 / 0.46)
+    for mode in fast["modes"]:
+        if mode["diameters"] == 0:
+            assert mode["in_track"] is None
+            continue
+        apart = mode["carried"] * 30 / 0.46 / (2 * np.pi)
+        expected = (mode["frequency"] - apart, mode["frequency"] + apart)
+        assert mode["in_track"] == pytest.approx(expected)
+        assert 0.95 < mode["carried"] / mode["diameters"] < 1  # axial, as all below 400 Hz

@@ -110,7 +110,7 @@ WRONG = {
         (
             "loads",
             [{"surface": "xmin"}],
-            "loads.0: expected traction or pressure [Pa], got neither",
+            "loads.0: expected traction or pressure [Pa], or hammer, got neither",
         ),
     ],
 }

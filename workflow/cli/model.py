@@ -145,6 +145,7 @@ def mesh(
         "squealx modes flange-transition --set bodies.wheelset.element=one-point",
         "squealx modes flange-transition --held free --to 6000 --ranks 2",
         "squealx modes flange-transition --part wheelset --to 2000",
+        "squealx modes flange-transition --to 1000 --speed 30",
         "squealx modes bar-wave --to 70000",
     )
 )
@@ -167,6 +168,10 @@ def modes(
         float, typer.Option(metavar="M", help="Cells of the section of the wheel.")
     ] = 0.026 / 3,
     most: Annotated[int, typer.Option(min=1, help="Refuse to look for more modes.")] = 500,
+    speed: Annotated[
+        float | None,
+        typer.Option(metavar="M/S", help="Speed of a wheel seen from the track; the scene's."),
+    ] = None,
     ranks: Ranks = 1,
     oversubscribe: Oversubscribe = False,
     as_json: Json = False,
@@ -178,8 +183,10 @@ def modes(
         check_start("modes", folder, ranks, oversubscribe)
         words = ["modes", "--to", str(to), "--size", str(size), "--most", str(most)]
         words += [f"--part={part}"] * bool(part) + [f"--held={held}"] * bool(held)
+        words += [f"--speed={speed}"] * (speed is not None)
         raise typer.Exit(on_ranks(ranks, scene, changes, folder, as_json, tuple(words)))
-    find_modes(checked, folder, as_json, part=part, held=held, top=to, size=size, most=most)
+    wanted = {"part": part, "held": held, "top": to, "size": size, "most": most, "speed": speed}
+    find_modes(checked, folder, as_json, **wanted)
 
 
 def check_start(verb: str, folder: Path, ranks: int, oversubscribe: bool) -> None:

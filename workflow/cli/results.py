@@ -174,6 +174,34 @@ def export_footprints(
     answer(as_json, found, lambda: [f"{found['series']}: {found['outputs']} outputs"])
 
 
+@verbs.command(
+    epilog=examples(
+        "squealx receptance runs/track-hammer",
+        "squealx receptance runs/track-hammer --from 50 --to 3000 --json",
+    )
+)
+def receptance(
+    folder: ResultFolder,
+    low: Annotated[float, typer.Option("--from", metavar="HZ", help="Lowest frequency.")] = 20.0,
+    high: Annotated[float, typer.Option("--to", metavar="HZ", help="Highest frequency.")] = 2e3,
+    as_json: Json = False,
+) -> None:
+    """Displacement over force of a run under a hammer: receptance, damping, decay rate of a track.
+
+    Writes all lines to FOLDER/receptance.csv and draws FOLDER/figures/receptance.png.
+    """
+    from workflow.figures.receptance import draw
+    from workflow.results.receptance import receptance as found_in
+    from workflow.results.receptance import summary, tables, write
+    from workflow.results.record import whole
+
+    record = whole(folder)
+    got = found_in(record, low, high)
+    table = write(got, folder / "receptance.csv")
+    found = summary(got, low, high) | {"table": str(table), "figure": str(draw(got, record))}
+    answer(as_json, found, lambda: [*tables(found), found["table"], found["figure"]])
+
+
 @verbs.command(epilog=examples("squealx bench --quick", "squealx bench --out runs/bench --json"))
 def bench(
     out: Annotated[

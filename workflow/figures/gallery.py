@@ -21,6 +21,7 @@ from workflow.figures.passes import passes
 from workflow.figures.placement import placement
 from workflow.figures.plastic import plastic_strain
 from workflow.figures.pressure import at_rest, half_spaces, pressure
+from workflow.figures.receptance import receptance
 from workflow.figures.section import contact_nodes, cross_section
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
@@ -49,6 +50,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     plastic_strain,
     sampled_forces,
     sampled_spectra,
+    receptance,
     modal_participation,
 )
 

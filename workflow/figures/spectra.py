@@ -23,6 +23,7 @@ from workflow.results.participation import (
     together,
 )
 from workflow.results.patch_nodes import STEEP
+from workflow.results.receptance import struck
 from workflow.results.record import Record
 from workflow.results.samples import PairSamples, Samples, read
 
@@ -95,8 +96,8 @@ def parts(record: Record, pair: PairSamples) -> list[tuple[str, str, Array]]:
 def sampled_spectra(record: Record) -> "Figure | None":
     """Spectra of contact forces and of velocities at probes; modes marked where there are such."""
     samples = read(record.folder)
-    if samples is None or len(samples.t) < spectra.FEWEST:
-        return None
+    if samples is None or len(samples.t) < spectra.FEWEST or struck(record.checked):
+        return None  # of a blow there are receptances
     panels = [(f"{n}: contact force", "force [N/√Hz]", p) for n, p in samples.pairs.items()]
     rows = len(panels) + len(samples.motion)
     if not rows:

@@ -32,6 +32,7 @@ from workflow.scene.mesh import (
     Foreign,
     GmshMesh,
     HollowSphereMesh,
+    RailMesh,
     WheelRailMesh,
 )
 from workflow.scene.scene import Scene, SceneError
@@ -155,7 +156,7 @@ def _finest(scene: Scene) -> tuple[str, float | str]:
 
 def _fitting(scene: Scene, key: str, per_cell: float, memory: float) -> float | None:
     """Return the smallest size of cells of a shape whose mesh has room in the memory [m]."""
-    if isinstance(scene.mesh, Foreign | WheelRailMesh):
+    if isinstance(scene.mesh, Foreign | RailMesh | WheelRailMesh):
         return None
     size = getattr(scene.mesh, key)
     for _ in range(400):

@@ -27,6 +27,7 @@ from workflow.scene.mesh import (
     CurvedMesh,
     Foreign,
     HollowSphereMesh,
+    RailMesh,
     WheelRailMesh,
 )
 from workflow.scene.scene import Scene, SceneError
@@ -34,6 +35,7 @@ from workflow.scene.scene import Scene, SceneError
 WITHIN = 0.1  # of the cells of a wheel on a rail
 EDGE = 0.95  # step of a cell over edge per wave speed, in uniform meshes of hexahedra
 NARROW = 0.5  # shortest edge over wanted size on wheel and rail
+SHORTEST, PART = 2e-3, 0.3  # shortest edge of a rail without wheel: at most, m; over wanted size
 BASE, PER_CELL, AT_REST = 160e6, 1.9e3, 25e3  # bytes; of them the last in the static solve
 STARTS, MESHED, REST = 2.0, 1.5e-4, 5e-4  # s; s per cell that is generated, brought to rest
 STEP, UPDATE, OUTPUT = 1e-4, 1.5e-7, 5e-3  # s per step, per cell and step, per output
@@ -207,6 +209,9 @@ def extent_of(scene: Scene, mesh: HexMesh | None = None) -> Extent:
         return Extent(len(mesh.cells), len(mesh.points), edge)
     if isinstance(scene.mesh, WheelRailMesh):
         return _wheel_on_rail(scene, scene.mesh)
+    if isinstance(scene.mesh, RailMesh):
+        edge = min(SHORTEST, PART * scene.mesh.size)
+        return Extent(*geometry.rail_alone_extent(scene.mesh), edge)
     if isinstance(scene.mesh, HollowSphereMesh):
         return _hollow_sphere(scene.mesh)
     try:

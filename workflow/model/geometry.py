@@ -30,6 +30,7 @@ from workflow.scene.mesh import (
     Foreign,
     GmshMesh,
     HollowSphereMesh,
+    RailMesh,
     WheelRailMesh,
 )
 from workflow.scene.scene import Scene, SceneError
@@ -116,6 +117,8 @@ def mesh_of(
         return cached_wheel_on_rail(scene, mesh, log)
     if isinstance(mesh, Foreign):
         return foreign(scene, mesh, log, own)
+    if isinstance(mesh, RailMesh):
+        return rail_alone(mesh), None
     if isinstance(mesh, BarMesh):
         return blocks.bar(mesh.length, mesh.width, width=mesh.width, size=mesh.size), None
     if isinstance(mesh, BlocksMesh):
@@ -495,7 +498,6 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
     """Return wheelset and rail in the track position, and the placement of the wheel."""
     from meshes.profiles.placement import placed
     from meshes.wheel_rail.rail import rail
-    from meshes.wheel_rail.sleepers import sleepers
     from meshes.wheel_rail.wheelset import wheelset
 
     position = placement_of(scene)
@@ -526,11 +528,68 @@ def wheel_on_rail(scene: Scene, mesh: WheelRailMesh) -> tuple[HexMesh, Any]:
         touch=position.tread_rail_s,
         strip=strips["rail"],
     )
-    if mesh.sleepers is None:
-        return join(placed(wheel, position), track), position
-    foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]
-    below = sleepers(foot, **mesh.sleepers.model_dump())
-    return join(placed(wheel, position), track, below), position
+    return join(placed(wheel, position), track, *sleepers_under(track, mesh)), position
+
+
+def sleepers_under(track: HexMesh, mesh: RailMesh | WheelRailMesh) -> Iterator[HexMesh]:
+    """Yield the solid sleepers under a rail, if the scene has them."""
+    if mesh.sleepers is not None:
+        from meshes.wheel_rail.sleepers import sleepers
+
+        foot = track.points[np.unique(track.surface(Tag.FOOT_UNDERSIDE))]
+        yield sleepers(foot, **mesh.sleepers.model_dump())
+
+
+def rail_plan(mesh: RailMesh) -> dict[str, Any]:
+    """Return what the mesh of a rail without wheel is made from."""
+    return {
+        "length": mesh.rail_length,
+        "x0": -mesh.rail_length / 2 - mesh.start,
+        "size": mesh.size,
+        "zone": (-mesh.fine_length / 2, mesh.fine_length / 2),
+        "largest": mesh.longest,
+        "design": mesh.rail_profile,
+    }
+
+
+def rail_alone(mesh: RailMesh) -> HexMesh:
+    """Return a rail in the track position without a wheel, on its sleepers if it has them.
+
+    Raises:
+        SceneError: naming the key that lets no mesh be made.
+    """
+    from meshes.wheel_rail.rail import coarse_rail
+
+    placed = {k: getattr(mesh, k) for k in ("inclination", "gauge", "gauge_depth")}
+    try:
+        track = coarse_rail(**rail_plan(mesh), **placed)
+    except ValueError as error:
+        raise SceneError(_of_rail(mesh, str(error))) from None
+    return join(track, *sleepers_under(track, mesh))
+
+
+def rail_alone_extent(mesh: RailMesh) -> tuple[int, int]:
+    """Return how many cells and nodes :func:`rail_alone` makes; it raises as that."""
+    from meshes.wheel_rail.rail import coarse_rail_extent
+    from meshes.wheel_rail.sleepers import places
+
+    plan = rail_plan(mesh)
+    try:
+        cells, nodes = coarse_rail_extent(**plan)
+    except ValueError as error:
+        raise SceneError(_of_rail(mesh, str(error))) from None
+    if mesh.sleepers is not None:
+        n = np.array(mesh.sleepers.cells)
+        under = len(places(plan["x0"], plan["x0"] + mesh.rail_length, mesh.sleepers.spacing))
+        cells, nodes = cells + under * int(n.prod()), nodes + under * int((n + 1).prod())
+    return cells, nodes
+
+
+def _of_rail(mesh: RailMesh, error: str) -> str:
+    """Return an error of the mesh of a rail with the key that its first word stands for."""
+    word, _, told = error.partition(":")
+    key = {"size": "size", "zone": "rail_length"}[word]
+    return f"mesh.{key} = {getattr(mesh, key)!r}:{told}"
 
 
 def export(scene: Scene, path: Path) -> dict[str, Any]:

@@ -15,17 +15,19 @@ from forms.loads import (
     DeadLoad,
     DriveTorque,
     MassDamping,
-    RampedLoad,
+    TimedLoad,
     gravity,
     nodal_pressure,
     nodal_traction,
+    pulse,
 )
 from meshes.arrays import Array
 from meshes.domain import Domain
+from meshes.quads import area_shares
 from workflow.model.bodies import Bodies
 from workflow.model.supports import axle
-from workflow.scene import Scene
-from workflow.scene.settings import Load
+from workflow.scene import Scene, SceneError
+from workflow.scene.settings import Hammer, Load
 
 if TYPE_CHECKING:
     from forms.travelling import TravellingLoad
@@ -50,11 +52,38 @@ def dead_load(scene: Scene, domain: Domain) -> DeadLoad:
     return DeadLoad(domain.msh.comm, nodal.ravel())
 
 
-def ramped_loads(scene: Scene, domain: Domain) -> Iterator[RampedLoad]:
-    """Yield the loads that come up within a time."""
-    for load in scene.loads:
+def timed_loads(scene: Scene, domain: Domain) -> Iterator[TimedLoad]:
+    """Yield the loads that come up within a time, and blows.
+
+    Raises:
+        SceneError: if a blow meets no facet.
+    """
+    comm = domain.msh.comm
+    for i, load in enumerate(scene.loads):
         if load.ramp:
-            yield RampedLoad(domain.msh.comm, nodal_force(load, domain).ravel(), load.ramp)
+            yield TimedLoad(comm, nodal_force(load, domain).ravel(), load.ramp)
+        if (hammer := load.hammer) is not None:
+            nodal = struck(domain, load.surface, hammer, f"loads.{i}.hammer")
+            yield TimedLoad(comm, nodal.ravel(), hammer.duration, pulse)
+
+
+def struck(domain: Domain, surface: str, hammer: Hammer, key: str) -> Array:
+    """Return the largest force of a blow on the owned nodes, shape ``(owned, 3)`` [N].
+
+    Raises:
+        SceneError: if there is no facet within its radius.
+    """
+    points, quads = domain.source.points, domain.source.surface(domain.source.tag(surface))
+    away = np.linalg.norm(points[quads].mean(axis=1) - hammer.point, axis=1)
+    if not (near := away <= hammer.radius).any():
+        raise SceneError(
+            f"{key}.radius = {hammer.radius}: expected {away.min():.4f} m or more, where the "
+            f"nearest middle of a facet of {surface!r} lies"
+        )
+    force = np.zeros_like(points)
+    nodes, share = area_shares(points, quads[near])
+    force[nodes] = np.outer(share, hammer.force)
+    return np.asarray(force[domain.nodes[: domain.owned]])
 
 
 def nodal_force(load: Load, domain: Domain) -> Array:

@@ -26,7 +26,7 @@ from workflow.model.loads import (
     dead_load,
     drive_torque,
     mass_damping,
-    ramped_loads,
+    timed_loads,
     travelling_loads,
 )
 from workflow.model.state import Item, State
@@ -218,7 +218,7 @@ def compiled(bodies: Bodies, placement: Any, log: Log) -> Model:
     items: list[Any] = [*internal_forces(bodies, state, log)]
     if scene.gravity is not None or any(load.resting for load in scene.loads):
         items.insert(1, dead_load(scene, domain))
-    items += ramped_loads(scene, domain)
+    items += timed_loads(scene, domain)
     items += travelling_loads(scene, domain, dt)
     if any(b.mass_damping for b in scene.bodies.values()):
         items.append(mass_damping(bodies, mass.array, dt))

@@ -41,6 +41,8 @@ class Mode:
         purity: Share of the kinetic energy in order n.
         partner: Number of the other mode of its pair, None if it is single.
         split: Distance of the two over their mean, None if it is single.
+        carried: How many times the spin its waves along and against it are carried by, seen from
+            the track (:func:`carried`); None for n = 0 and without axle.
     """
 
     number: int
@@ -52,6 +54,7 @@ class Mode:
     purity: float | None = None
     partner: int | None = None
     split: float | None = None
+    carried: float | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,24 @@ def circles(found: Waves, k: int, n: int, inner: float) -> int:
     return int((signs[1:] != signs[:-1]).sum())
 
 
+def carried(found: Waves, k: int, n: int) -> float:
+    """Return by how many times the spin the waves of mode ``k`` are carried, seen from the track.
+
+    A body of revolution that turns by Ω carries a wave of n nodal diameters round with n Ω, but
+    Coriolis forces hold it back by ``2 Im Σ m a_r* a_c / Σ m |a|²`` times Ω of radial and
+    circumferential motion (G. H. Bryan, Proc. Cambridge Philos. Soc. 7, 1890): a thin ring by
+    ``2 n / (n² + 1)`` of n, axial motion not at all. To first order in Ω over the frequency.
+
+    Args:
+        found: Amplitudes.
+        k: The mode, from 0.
+        n: Its order.
+    """
+    a = found.coefficients[k, :, :, n]
+    swirl = 2 * float(found.mass @ (a[:, 1].conj() * a[:, 2]).imag)
+    return n + swirl / float(found.mass @ (np.abs(a) ** 2).sum(axis=1))
+
+
 def paired(modes: list[Mode], found: Waves) -> list[Mode]:
     """Return the modes with partners: neighbours of the same order whose sections look alike."""
     out = list(modes)
@@ -251,7 +272,8 @@ def labelled(
         purity = float(energy[i, n] / share.sum())
         kind = NAMES[int(np.argmax(rim))]
         m = circles(found, i, n, hub) if shares["axial"] > NO_AXIAL else None
-        modes.append(Mode(i + 1, float(f), kind, shares, n, m, purity))
+        turns = carried(found, i, n) if n else None
+        modes.append(Mode(i + 1, float(f), kind, shares, n, m, purity, carried=turns))
     modes = paired(modes, found)
     return modes, turned(shapes, modes, found)
 

@@ -70,6 +70,7 @@ def modes(
     top: float = 10e3,
     size: float = 0.026 / 3,
     most: int = 500,
+    speed: float | None = None,
     log: Callable[[str], Any] = lambda line: None,
 ) -> Modes:
     """Return all natural modes of a part up to a frequency; leave them in a new folder.
@@ -83,6 +84,7 @@ def modes(
         top: Highest frequency [Hz].
         size: Length of edges in the section of the wheel [m].
         most: How many modes are accepted.
+        speed: At which the wheel rolls [m/s]; that of the scene if None.
         log: Called with a line per phase.
 
     Raises:
@@ -92,7 +94,7 @@ def modes(
     if not top > 0:
         raise SceneError(f"--to {top:g}: expected a frequency above 0 Hz")
     with nullcontext() if out is None else occupied(out, comm, "squealx modes") as folder:
-        chosen = part_of(scene, part, held, size, comm)
+        chosen = part_of(scene, part, held, size, comm, speed)
         held_here, bodies = held_dofs(chosen), Bodies(chosen.scene, chosen.domain)
         mass = nodal_mass(bodies)
         log(f"{chosen.name}, {chosen.held}: {len(chosen.domain.source.cells)} cells")
@@ -152,7 +154,11 @@ def summarise(
     """Return what ``modes.json`` holds, its modes beside the independent values where there are."""
     body = next(iter(bodies.scene.bodies.values()))
     beside = matched(labels, fourier(part))
-    table = [asdict(mode) | {"independent": beside.get(mode.number)} for mode in labels]
+    table = [
+        asdict(mode)
+        | {"independent": beside.get(mode.number), "in_track": in_track(mode, part.spin)}
+        for mode in labels
+    ]
     return {
         "scene": part.scene.name,
         "part": part.name,
@@ -163,11 +169,27 @@ def summarise(
         "ranks": comm.size,
         "mass": mass,
         "top": top,
+        "spin": part.spin,
         "independent": f"{FOURIER}: axisymmetric Fourier elements, not measurements"
         if beside
         else None,
         "modes": table,
     }
+
+
+def in_track(mode: Mode, spin: float) -> list[float] | None:
+    """Return the two frequencies of a mode in the frame of the track, None where it has one [Hz].
+
+    To first order in the spin over the frequency; see :func:`workflow.modes.labels.carried`.
+
+    Args:
+        mode: The mode, as in the frame of the body.
+        spin: How fast the body turns [rad/s].
+    """
+    if mode.carried is None or not spin:
+        return None
+    apart = mode.carried * spin / (2 * np.pi)
+    return [mode.frequency - apart, mode.frequency + apart]
 
 
 def fourier(part: Part) -> list[tuple[int, float, str]]:
@@ -258,11 +280,14 @@ def printout(summary: dict[str, Any]) -> Iterator[Table]:
         columns += [Column("n, m", _waves), share, Column("split %", "split", ".3f", factor=100)]
     else:
         columns.append(share)
+    if summary["spin"]:
+        columns.append(Column("in the track Hz", _two))
     if summary["independent"]:
         columns += [Column("indep.", "independent", ".1f"), Column("off %", _off, "+.2f")]
     title = f"{summary['scene']}: {summary['part']}, {summary['held'].replace('_', ' ')}"
-    beside = f"indep.: Hz of {summary['independent']}" if summary["independent"] else ""
-    yield Table(title, columns, rows, beside)
+    told = [f"turns at {summary['spin']:.4g} rad/s"] * bool(summary["spin"])
+    told += [f"indep.: Hz of {summary['independent']}"] * bool(summary["independent"])
+    yield Table(title, columns, rows, "; ".join(told))
 
 
 def _shares(row: dict[str, Any]) -> str:
@@ -277,6 +302,10 @@ def _off(row: dict[str, Any]) -> float | None:
     """Return how far a frequency is off the independent one [%]."""
     f = row["independent"]
     return None if f is None else 100 * (row["frequency"] / f - 1)
+
+
+def _two(row: dict[str, Any]) -> str | None:
+    return row["in_track"] and " / ".join(f"{f:.1f}" for f in row["in_track"])
 
 
 def _circles(m: int | None) -> str:

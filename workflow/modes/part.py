@@ -46,6 +46,7 @@ class Part:
         domain: Its distributed mesh.
         held: How it is held: ``free``, ``supports`` or names of surfaces.
         axis: The axle, None if it does not turn.
+        spin: How fast it turns about it [rad/s].
     """
 
     name: str
@@ -53,9 +54,17 @@ class Part:
     domain: Domain
     held: str
     axis: Axis | None
+    spin: float = 0.0
 
 
-def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm: MPI.Comm) -> Part:
+def part_of(
+    scene: Scene,
+    name: str | None,
+    held: str | None,
+    size: float,
+    comm: MPI.Comm,
+    speed: float | None = None,
+) -> Part:
     """Return a part of a scene; the wheel without axle is a body of revolution with even cells.
 
     Args:
@@ -65,9 +74,10 @@ def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm:
             if None a wheel is held in its bore, a wheelset free, another body by its supports.
         size: Length of edges in the section of the wheel [m].
         comm: Ranks that share it.
+        speed: At which it rolls [m/s]; that of the scene if None.
 
     Raises:
-        SceneError: if the scene has no such part, or it cannot be held so.
+        SceneError: if the scene has no such part, or it cannot be held so, or does not roll.
     """
     wheel = isinstance(scene.mesh, WheelRailMesh)
     name = name or (WHEEL if wheel else next(iter(scene.bodies)))
@@ -85,7 +95,27 @@ def part_of(scene: Scene, name: str | None, held: str | None, size: float, comm:
     usual = BORE if alone else "free" if rolls else "supports"
     held = {None: usual, "bore": BORE}.get(held, held)
     assert held is not None
-    return Part(name, one, domain, held, axis_of(scene, alone, rolls))
+    spin = spin_of(scene, body, alone or rolls, speed)
+    return Part(name, one, domain, held, axis_of(scene, body, alone, rolls), spin)
+
+
+def spin_of(scene: Scene, body: str, rolls: bool, speed: float | None) -> float:
+    """Return how fast a body turns at a speed of travel, or as its scene drives it [rad/s].
+
+    Raises:
+        SceneError: if a speed is asked for of a body that does not roll.
+    """
+    mesh = scene.mesh
+    radius = mesh.wheel_radius if isinstance(mesh, WheelRailMesh) else None
+    if isinstance(mesh, Foreign):
+        radius = mesh.rolling_radius
+    if speed is None:
+        if body in scene.driven:
+            return float(np.linalg.norm(scene.driven[body].spin))
+        speed = scene.rolling.speed if rolls and scene.rolling else 0.0
+    elif not rolls or radius is None:
+        raise SceneError(f"--speed {speed:g}: expected a wheel that rolls, got {body!r}")
+    return abs(speed) / radius if radius else 0.0
 
 
 def made(scene: Scene, body: str, alone: bool, size: float, comm: MPI.Comm) -> HexMesh | None:
@@ -136,8 +166,11 @@ def cut_out(mesh: HexMesh, regions: tuple[int, ...]) -> HexMesh:
     )
 
 
-def axis_of(scene: Scene, alone: bool, rolls: bool) -> Axis | None:
+def axis_of(scene: Scene, body: str, alone: bool, rolls: bool) -> Axis | None:
     """Return the axle of the part: y through the origin for a wheel in its own axes."""
+    driven = scene.driven.get(body)
+    if driven is not None and any(driven.spin) and not rolls:
+        return Axis(np.array(driven.centre), np.array(driven.spin) / np.linalg.norm(driven.spin))
     if alone:
         return Axis(np.zeros(3), np.array([0.0, 1.0, 0.0]))
     if not rolls:

@@ -283,6 +283,46 @@ class WheelRailMesh(Section):
         return (*wheelset, *rail, *(below if self.sleepers else ()))
 
 
+class RailMesh(Section):
+    """A rail in the track position, no wheel; its section is the same all along."""
+
+    kind: Literal["rail"]
+    """Names this mesh."""
+    size: Length
+    """Edge of the cells of the running surface round x = 0, 3 to 24 mm."""
+    rail_profile: Literal["54E1", "60E1"] = "54E1"
+    """Standard rail."""
+    inclination: Slope = 1 / 40
+    """Inclination of the rail towards the track centre: 1/40 is 0.025."""
+    gauge: Length = 1.435
+    """Track gauge."""
+    gauge_depth: Length = 0.014
+    """The gauge is measured this far below the rail top."""
+    rail_length: Length = 10.0
+    """Length of rail that is modelled."""
+    start: Position = 0.3
+    """Place of x = 0, counted from the middle of the rail."""
+    fine_length: Length = 0.05
+    """Length of rail round x = 0 with short cells."""
+    longest: Length = 0.1
+    """Longest cells along the rail."""
+    sleepers: Sleepers | None = None
+    """Solid sleepers under the rail, one under its middle; none if left out."""
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions."""
+        own = ("rail_head", "rail_web", "rail_foot")
+        return (*own, "sleeper") if self.sleepers else own
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        rail = ("railhead", "foot_underside", "rail_ends", "rail_skin")
+        below = ("sleeper_top", "sleeper_bottom", "sleeper_inner", "sleeper_skin")
+        return (*rail, *(below if self.sleepers else ()))
+
+
 class FileMesh(Section):
     """A hexahedral mesh from a file of another program; its named groups are regions and surfaces.
 

@@ -22,6 +22,7 @@ from workflow.scene.mesh import (
     Foreign,
     GmshMesh,
     HollowSphereMesh,
+    RailMesh,
     WheelRailMesh,
 )
 from workflow.scene.settings import (
@@ -61,6 +62,7 @@ class Scene(Section):
         | CapMesh
         | CurvedMesh
         | HollowSphereMesh
+        | RailMesh
         | WheelRailMesh
         | FileMesh
         | GmshMesh,
@@ -262,8 +264,8 @@ class Scene(Section):
     def _empty_loads(self) -> Iterator[str]:
         """Yield a line for every load that is none."""
         for i, load in enumerate(self.loads):
-            if not {"traction", "pressure"} & load.model_fields_set:
-                yield f"loads.{i}: expected traction or pressure [Pa], got neither"
+            if not {"traction", "pressure", "hammer"} & load.model_fields_set:
+                yield f"loads.{i}: expected traction or pressure [Pa], or hammer, got neither"
 
     def _unfit_step(self) -> Iterator[str]:
         """Yield a line if the step is to follow the shape of bodies that there are not."""

@@ -17,6 +17,7 @@ from workflow.scene.units import (
     Direction,
     Duration,
     Factor,
+    Force,
     Length,
     Mass,
     Minutes,
@@ -216,8 +217,24 @@ class Travelling(Section):
         return self
 
 
+class Hammer(Section):
+    """A blow at time zero, ``F sin²(π t / T)``, spread evenly over the facets round a point."""
+
+    point: tuple[Position, Position, Position] = Field(examples=[[0.0, 0.7525, 0.0]])
+    """Place of the surface that is hit."""
+    radius: Length = Field(examples=[0.015])
+    """Facets whose middles are no further from the point than this bear the force."""
+    force: tuple[Force, Force, Force] = Field(examples=[[0.0, 0.0, -10e3]])
+    """Largest force."""
+    duration: Duration = Field(examples=[4e-4])
+    """How long the blow lasts; it excites little above one over this, and nothing at twice of it.
+    """
+
+
 class Load(Section):
-    """A dead traction, a pressure along the normal, or a traction that travels, on a surface.
+    """A dead traction, a pressure along the normal, a traction that travels, or a blow.
+
+    They act on a surface.
 
     The surface is that of the undeformed body.
     """
@@ -232,11 +249,23 @@ class Load(Section):
     """Time from zero on in which the load comes up, smoothly; 0: it acts always, at rest too."""
     travelling: Travelling | None = None
     """How its traction travels; left out, it rests on the whole surface."""
+    hammer: Hammer | None = None
+    """A blow at a point of the surface, in place of tractions."""
 
     @property
     def resting(self) -> bool:
         """Whether it acts always, at rest too."""
-        return not self.ramp and self.travelling is None
+        return not self.ramp and self.travelling is None and self.hammer is None
+
+    @model_validator(mode="after")
+    def _strikes_alone(self) -> Self:
+        others = self.travelling or self.ramp or self.pressure or any(self.traction)
+        if self.hammer is not None and (others or not any(self.hammer.force)):
+            raise ValueError(
+                "loads: hammer: expected a force, without traction, pressure, ramp or travelling, "
+                + ("got both" if others else "got none")
+            )
+        return self
 
     @model_validator(mode="after")
     def _travels_alone(self) -> Self:

@@ -86,5 +86,5 @@ def pressed(scene: Scene) -> float | None:
 
 
 def pushed(load: Load) -> bool:
-    """Whether a load has a pressure along the normal, or comes up within a time."""
-    return bool(load.pressure or load.ramp)
+    """Whether a load has a pressure along the normal, comes up within a time, or is a blow."""
+    return bool(load.pressure or load.ramp or load.hammer)
