@@ -64,7 +64,7 @@ def test_lists_words_and_kinds_are_found():
     """Entries by number; words in names and texts; a key of several shapes, once for each."""
     assert [key.path for key in reference.find("supports.0.surface")] == ["supports[].surface"]
     assert "bodies.NAME.stiffness_damping" in {key.path for key in reference.find("Rayleigh")}
-    assert len(reference.find("mesh.size")) == 8
+    assert len(reference.find("mesh.size")) == 9
     assert reference.find("mesh.nonsense") == []
 
 

@@ -15,7 +15,9 @@ import typer
 
 # one thread per rank: the threads of BLAS would fight over the cores of the other ranks
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# signals are ours: PETSc would print a page and exit with their number
+# signals are ours: UCX, the transport of MPI, would take SIGHUP for a wish to be told more
+os.environ.setdefault("UCX_DEBUG_SIGNO", "0")
+# and PETSc would print a page and exit with their number
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 from workflow.cli import model, profile, results, scaling, study, writing
