@@ -143,7 +143,10 @@ def test_cells_that_yield_are_of_the_contact_zone(run_scene):
     In a bar that the wave does not leave; the stress on the wall is within 0.2 %.
     """
     keys = {"mesh.size": 2.5e-3, "bodies.bar.kinematics": "total-lagrangian"}
-    zoned = {"bodies.bar.yielding": NEAR, "bodies.bar.contact_zone": NEAR | {"element": "selective"}}
+    zoned = {
+        "bodies.bar.yielding": NEAR,
+        "bodies.bar.contact_zone": NEAR | {"element": "selective"},
+    }
     whole = history(run_scene("plastic-bar", **keys, **{"bodies.bar.element": "selective"}))
     near = history(run_scene("plastic-bar", **keys, **zoned, **{"bodies.bar.element": "one-point"}))
     force = whole["wall_normal_force"]
