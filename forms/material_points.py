@@ -81,16 +81,25 @@ class Points:
         """Return the kernel of minus the internal virtual work, which renews the history."""
         mixed = basix.ufl.mixed_element([self.space.ufl_element(), self._element])
         test = ufl.TestFunction(ufl.FunctionSpace(self._domain, mixed))
-        P, own, new = self.point.stress(self._gradient(u), self.old, shape=self.shape)
-        if self.single:
-            work = self._work(u, test, P, own, new)
-        else:
-            work = inner(P, ufl.grad(as_vector([test[i] for i in range(3)])))
-        numbers = self._numbers(new)
+        work, numbers = self.work(u, test)
         renewed = sum(test[3 + i] * number for i, number in enumerate(numbers))
         form = (per_point(self._domain) * renewed - work) * self.dx
         start = np.concatenate([v.start for v in self.variables.values()])
         return MemoryKernel(form, self.space, self.history, start, self.dtype)
+
+    def work(self, u: Any, w: Any) -> tuple[Any, list[Any]]:
+        """Return the virtual work of the stress and the numbers of the new history, in UFL.
+
+        Args:
+            u: Displacement [m].
+            w: Test function, whose first three components are the virtual displacement.
+        """
+        P, own, new = self.point.stress(self._gradient(u), self.old, shape=self.shape)
+        if self.single:
+            work = self._work(u, w, P, own, new)
+        else:
+            work = inner(P, ufl.grad(as_vector([w[i] for i in range(3)])))
+        return work, self._numbers(new)
 
     def _gradient(self, u: Any) -> Any:
         return mean_gradient(u) if self.single else ufl.grad(u)

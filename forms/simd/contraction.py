@@ -67,7 +67,13 @@ class Plan:
 
 
 class Symbols(FFCXBackendSymbols):
-    """Names of arrays, with those of history."""
+    """Names of arrays, with those of history.
+
+    Attributes:
+        history: Coefficients that are history: at most one.
+    """
+
+    history: list[Any]
 
     def coefficient_dof_access(self, coefficient: Any, dof_index: Any) -> Any:
         """Return a number of a coefficient, or of the history at the only point."""
@@ -78,6 +84,8 @@ class Symbols(FFCXBackendSymbols):
 
 class Backend(FFCXBackend):
     """FFCx's backend with :class:`Symbols` and :class:`Definitions`."""
+
+    symbols: Symbols
 
     def __init__(self, ir: Any, options: dict[str, Any]) -> None:
         expression = ir.expression
