@@ -22,6 +22,7 @@ from workflow.figures.placement import placement
 from workflow.figures.plastic import plastic_strain
 from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.section import contact_nodes, cross_section
+from workflow.figures.shakedown import shakedown_map
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
 from workflow.model.residual import last_pass
@@ -47,6 +48,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     history,
     pressure,
     plastic_strain,
+    shakedown_map,
     sampled_forces,
     sampled_spectra,
     modal_participation,
