@@ -18,6 +18,7 @@ from ufl import as_vector, dev, inner, sqrt
 from ufl.classes import Zero
 
 from forms.cells import mean_gradient, one_point, per_point, positions, volume
+from forms.elements import LAWS
 from forms.hourglass import Cell
 from forms.materials import VOIGT
 from forms.memory import EQUIVALENT, LargeStrain, Memory, MemoryLaw, SmallStrain, Variable
@@ -81,16 +82,47 @@ class Points:
         """Return the kernel of minus the internal virtual work, which renews the history."""
         mixed = basix.ufl.mixed_element([self.space.ufl_element(), self._element])
         test = ufl.TestFunction(ufl.FunctionSpace(self._domain, mixed))
-        P, own, new = self.point.stress(self._gradient(u), self.old, shape=self.shape)
-        if self.single:
-            work = self._work(u, test, P, own, new)
-        else:
-            work = inner(P, ufl.grad(as_vector([test[i] for i in range(3)])))
-        numbers = self._numbers(new)
+        work, numbers = self.work(u, test)
         renewed = sum(test[3 + i] * number for i, number in enumerate(numbers))
         form = (per_point(self._domain) * renewed - work) * self.dx
         start = np.concatenate([v.start for v in self.variables.values()])
         return MemoryKernel(form, self.space, self.history, start, self.dtype)
+
+    def work(self, u: Any, w: Any) -> tuple[Any, list[Any]]:
+        """Return the virtual work of the stress and the numbers of the new history, in UFL.
+
+        Args:
+            u: Displacement [m].
+            w: Test function, whose first three components are the virtual displacement.
+        """
+        P, own, new = self.point.stress(self._gradient(u), self.old, shape=self.shape)
+        if self.single:
+            work = self._work(u, w, P, own, new)
+        else:
+            work = inner(P, ufl.grad(as_vector([w[i] for i in range(3)])))
+        return work, self._numbers(new)
+
+    def softening(self, u: Any, history: Any) -> Any:
+        """Return what flow changes of the elastic stiffness at small strain, as a bilinear form.
+
+        That of the step from the history to a displacement: the derivative of its work less that
+        of the elastic law. Hourglass modes stay as stiff as they are.
+
+        Args:
+            u: Displacement, a function.
+            history: Values of the history, a function of the space of quadrature points.
+        """
+        w, du, law = (
+            ufl.TestFunction(self.space),
+            ufl.TrialFunction(self.space),
+            LAWS["small-strain"],
+        )
+        P, _, _ = self.point.stress(ufl.grad(u), self.old, shape=self.shape)
+        elastic = law.shape if self.shape else law.residual
+        assert elastic is not None
+        change = inner(P, ufl.grad(w)) - elastic(u, w, self.point.material)
+        form = ufl.replace(change, {self.history.coefficient: history}) * self.dx
+        return ufl.derivative(form, u, du)
 
     def _gradient(self, u: Any) -> Any:
         return mean_gradient(u) if self.single else ufl.grad(u)

@@ -10,16 +10,22 @@ from functools import reduce
 from operator import mul
 from typing import Any
 
+import basix.ufl
 import ffcx.codegeneration.lnodes as L
 import numpy as np
+from ffcx.codegeneration.access import FFCXBackendAccess
+from ffcx.codegeneration.backend import FFCXBackend
 from ffcx.codegeneration.definitions import FFCXBackendDefinitions
 from ffcx.codegeneration.integral_generator import IntegralGenerator
+from ffcx.codegeneration.symbols import FFCXBackendSymbols
 from ffcx.ir.elementtables import piecewise_ttypes
 from ufl.classes import Division
 from ufl.classes import Product as UflProduct
 
+from forms.simd.branches import Prefetch, add_branches
 from forms.simd.tensor import Product, evaluate, factorise, scatter, scatter_together
 
+OLD, NEW = (L.Symbol(name, L.DataType.SCALAR) for name in ("old", "new"))  # history
 LARGEST = 4**3  # points or dofs whose sums are written out
 
 
@@ -60,17 +66,53 @@ class Plan:
         return L.ArrayAccess(self.picks[key], [point])
 
 
+class Symbols(FFCXBackendSymbols):
+    """Names of arrays, with those of history.
+
+    Attributes:
+        history: Coefficients that are history: at most one.
+    """
+
+    history: list[Any]
+
+    def coefficient_dof_access(self, coefficient: Any, dof_index: Any) -> Any:
+        """Return a number of a coefficient, or of the history at the only point."""
+        if coefficient in self.history:
+            return OLD[dof_index]
+        return super().coefficient_dof_access(coefficient, dof_index)
+
+
+class Backend(FFCXBackend):
+    """FFCx's backend with :class:`Symbols` and :class:`Definitions`."""
+
+    symbols: Symbols
+
+    def __init__(self, ir: Any, options: dict[str, Any]) -> None:
+        expression = ir.expression
+        numbers = expression.coefficient_numbering
+        kind = (expression.entity_type, expression.integral_type)
+        self.symbols = Symbols(
+            numbers, expression.coefficient_offsets, expression.original_constant_offsets
+        )
+        self.symbols.history = [
+            k for k in numbers if options.get("history") and is_history(k.ufl_element())
+        ]
+        self.access = FFCXBackendAccess(*kind, self.symbols, options)
+        self.definitions = Definitions(*kind, self.access, options)
+
+
 class Definitions(FFCXBackendDefinitions):
     """Values of coefficients and geometry at the quadrature points."""
 
-    def __init__(self, backend: Any, options: dict[str, Any]) -> None:
-        given = backend.definitions
-        super().__init__(given.entity_type, given.integral_type, given.access, options)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self.plan = Plan()
 
     def coefficient(self, mt: Any, tabledata: Any, quadrature_rule: Any, access: Any) -> Any:
         """Return the definition of a coefficient's value at a point."""
         w, offset = self.symbols.coefficients, self.symbols.coefficient_offsets[mt.terminal]
+        if mt.terminal in self.symbols.history:
+            w, offset = OLD, 0
         block = tabledata.block_size
         tabulated = self._tabulate(w, offset, block, tabledata, quadrature_rule, access)
         return tabulated or super().coefficient(mt, tabledata, quadrature_rule, access)
@@ -119,7 +161,7 @@ class Generator(IntegralGenerator):
 
     Args:
         ir: FFCx's representation of the integral.
-        backend: FFCx's backend with :class:`Definitions`.
+        backend: A :class:`Backend`.
         size: Entries of the element vector, all if not given; what the test function has beyond
             them are the values of history at the quadrature points, which are stored, not summed.
     """
@@ -127,6 +169,13 @@ class Generator(IntegralGenerator):
     def __init__(self, ir: Any, backend: Any, size: int | None = None) -> None:
         super().__init__(ir, backend)
         self.size = ir.expression.tensor_shape[0] if size is None else size
+
+    def generate(self, domain: Any) -> Any:
+        """Return the code of the kernel; what renews history does so where something flows."""
+        code = super().generate(domain)
+        if self.size < self.ir.expression.tensor_shape[0]:
+            add_branches(code)
+        return code
 
     def generate_quadrature_loop(self, quadrature_rule: Any, domain: Any) -> list[Any]:
         """Return the loop over one quadrature rule with what goes before and after it."""
@@ -174,7 +223,7 @@ class Generator(IntegralGenerator):
         (:func:`forms.cells.per_point`), and both are left out, so that what does not change is
         kept to the last bit.
         """
-        A, point = self.backend.symbols.element_tensor, self.backend.symbols.quadrature_loop_index
+        point = self.backend.symbols.quadrature_loop_index
         nodes = self.ir.expression.integrand[(domain, rule)]["factorization"].nodes
         statements: list[Any] = []
         variables: list[Any] = []
@@ -191,9 +240,13 @@ class Generator(IntegralGenerator):
             value = reduce(mul, factors, L.LiteralFloat(1.0))
             symbol, known = self.get_temp_symbol("new", (rule, index))
             variables += [] if known else [L.VariableDecl(symbol, value)]
-            statements.append(L.Assign(A[table.block_size * point + table.offset], symbol))
+            at = table.block_size * point + (table.offset - self.size)
+            statements.append(L.Assign(NEW[at], symbol))
+        width = (self.ir.expression.tensor_shape[0] - self.size) // len(rule.weights)
+        next_batch = width * (point + len(rule.weights))
+        statements.append(Prefetch(OLD, next_batch, width))
         symbols = [v.symbol for v in variables]
-        return L.Section("History", statements, [], symbols, [A]), variables
+        return L.Section("History", statements, [], symbols, [NEW]), variables
 
     def _weighted(self, rule: Any, domain: Any, block: Any) -> tuple[Any, list[Any]]:
         """Return what multiplies the test function at a point, and a variable for it if new."""
@@ -247,6 +300,13 @@ class Generator(IntegralGenerator):
         plan.after.append(L.Section("Element vector", statements, [], [total], [A]))
         row = plan.row(product, self.backend.symbols.quadrature_loop_index)
         return L.AssignAdd(total[row], sum(factors[1:], start=factors[0]))
+
+
+def is_history(element: Any) -> bool:
+    """Return whether an element is one of values at quadrature points."""
+    while element.block_size > 1:
+        element = element.sub_elements[0]
+    return isinstance(element, basix.ufl._QuadratureElement)
 
 
 def _factors(expression: Any) -> tuple[list[Any], list[Any]]:

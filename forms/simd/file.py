@@ -28,6 +28,26 @@ static inline vec splat(real x) {{ return (vec){{0}} + x; }}
 
 static inline vec blend(mask m, vec a, vec b) {{ return (vec)((m & (mask)a) | (~m & (mask)b)); }}
 
+/* whether a condition holds in any lane */
+static inline int any(mask m)
+{{
+#if defined(__AVX512DQ__) && VECTOR_BYTES == 64
+  typedef {word} words __attribute__((vector_size(VECTOR_BYTES)));
+  return __builtin_ia32_cvt{letter}2mask512((words)m) != 0;
+#endif
+  int{bits}_t found = 0;
+  for (int l = 0; l < LANES; ++l)
+    found |= m[l];
+  return found != 0;
+}}
+
+static inline void prefetch(const loose *from, int n)
+{{
+#pragma GCC unroll 64
+  for (int k = 0; k < n; ++k)
+    __builtin_prefetch(from + k, 1);
+}}
+
 static inline vec lanes_powi(vec x, int n)
 {{
   vec y = splat(1);
@@ -138,7 +158,8 @@ def generator(options: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]
     (header, source), post = scalar_file.generator(options)
     real = dtype_to_c_type(options["scalar_type"])
     bits = 64 if real == "double" else 32
-    source += LANES.format(real=real, bits=bits)
+    word, letter = ("long long", "q") if bits == 64 else ("int", "d")
+    source += LANES.format(real=real, bits=bits, word=word, letter=letter)
     source += nodes.text(bits // 8) + LOOPS
     functions = math_table["float64" if real == "double" else "float32"]
     source += VECTOR_MATH.format(**functions)

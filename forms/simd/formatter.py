@@ -8,6 +8,8 @@ import ffcx.codegeneration.lnodes as L
 from ffcx.codegeneration.C.formatter import Formatter as ScalarFormatter
 from ffcx.codegeneration.C.formatter import math_table
 
+from forms.simd.branches import If, Prefetch
+
 MASKS = {"&&": "&", "||": "|"}
 COMPARISONS = (L.LT, L.LE, L.GT, L.GE, L.EQ, L.NE)
 
@@ -110,6 +112,16 @@ class Formatter(ScalarFormatter):
     @__call__.register
     def _(self, s: L.Conditional) -> str:
         return f"blend({self(s.condition)}, {self.lanes(s.true)}, {self.lanes(s.false)})"
+
+    @__call__.register
+    def _(self, branch: If) -> str:
+        body = "".join(map(self, branch.body))
+        return f"if (any({self(branch.condition)}))\n{{\n{body}}}\n"
+
+    @__call__.register
+    def _(self, request: Prefetch) -> str:
+        first = f"{self(request.array)} + {self(request.first)}"
+        return f"prefetch({first}, {request.count});\n"
 
     @__call__.register
     def _(self, call: L.MathFunction) -> str:

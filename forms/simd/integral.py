@@ -5,13 +5,12 @@ from typing import Any
 
 import basix.ufl
 import numpy as np
-from ffcx.codegeneration.backend import FFCXBackend
 from ffcx.codegeneration.C import integral_template
 from ffcx.ir.representation import IntegralIR
 from ufl import Argument, Coefficient, Jacobian
 from ufl.classes import GeometricQuantity
 
-from forms.simd.contraction import Definitions, Generator
+from forms.simd.contraction import Backend, Generator, Symbols
 from forms.simd.formatter import Formatter
 
 # The loop takes its addresses as ``custom_data``, an array of 64-bit integers in this order:
@@ -19,10 +18,11 @@ from forms.simd.formatter import Formatter
 # dofs of the test function, then values and dofs of each coefficient, then the values of each
 # constant, and last whether history is written. Dofs are numbers of first entries, uint32
 # ``[batch][dof][lane]``. History is no array of dofs but a table of its own, of the type that is
-# computed with, ``[batch][entry][lane]``: read, and written in place, without a gather.
+# computed with, ``[batch][entry][lane]``: the kernel reads it where it stands (``old``), and writes
+# it there (``new``), or to a place that nobody reads.
 LOOP = """
 static inline void cell_{name}(vec *restrict A, const vec *restrict w, const real *restrict c,
-                               const vec *restrict coordinate_dofs)
+                               const vec *restrict coordinate_dofs, const loose *old, loose *new)
 {{
 {kernel}
 }}
@@ -43,19 +43,19 @@ static void tabulate_tensor_{name}(real *restrict values, const real *restrict w
   for (int64_t b = 0; b < batches; ++b)
   {{
     const int wide = b < data[1];
-    vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{entries}];
+    vec coordinate_dofs[{coordinates}], w[{coefficients} + 1], A[{size}];
+{history}
     gather(coordinate_dofs, x, (const uint32_t *)data[3] + b * {coordinates} / 3 * LANES,
            {coordinates} / 3, 3, wide, {relative});
 {gathers}
-    for (int i = 0; i < {entries}; ++i)
+    for (int i = 0; i < {size}; ++i)
       A[i] = splat(0);
-    cell_{name}(A, w, c, coordinate_dofs);
+    cell_{name}(A, w, c, coordinate_dofs, old, new);
     const uint32_t *rows = (const uint32_t *)data[4] + b * {size} / {block} * LANES;
     if (b + 1 < batches)
       scatter(out, A, rows, {size} / {block}, {block}, LANES);
     else
       scatter(out, A, rows, {size} / {block}, {block}, (int)(data[0] - b * LANES));
-{stores}
   }}
 }}
 
@@ -74,12 +74,10 @@ GATHER = """    gather(w + {offset}, (const stored *)data[{data}],
            (const uint32_t *)data[{data} + 1] + b * {count} * LANES, {count}, {block}, wide,
            {relative});"""
 
-LOAD = """    for (int k = 0; k < {count}; ++k)
-      w[{offset} + k] = ((const loose *)data[{data}])[b * {count} + k];"""
-
-STORE = """    if (data[{flag}])
-      for (int k = 0; k < {count}; ++k)
-        ((loose *)data[{data}])[b * {count} + k] = A[{size} + k];"""
+HISTORY = """    loose elsewhere[{written} + 1];
+    loose *old = (loose *)data[{data}] + b * {count};
+    loose *new = {written} && data[{flag}] ? old : elsewhere;"""
+NO_HISTORY = "    loose *old = 0, *new = 0;"
 
 FIRST_COEFFICIENT = 5  # position of the first coefficient among the addresses
 
@@ -98,8 +96,7 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
     size, block = (element.dim, element.block_size)
     if options.get("history") and element.num_sub_elements > 1 and block == 1:
         size, block = (element.sub_elements[0].dim, element.sub_elements[0].block_size)
-    backend = FFCXBackend(ir, options)
-    backend.definitions = Definitions(backend, options)
+    backend = Backend(ir, options)
     kernel = Formatter(options["scalar_type"])(Generator(ir, backend, size).generate(domain))
     constants = expression.original_constant_offsets
     shifts = differences(ir) if np.dtype(options["scalar_type"]) == np.float32 else set()
@@ -115,11 +112,10 @@ def generator(ir: IntegralIR, domain: basix.CellType, options: dict[str, Any]) -
         coordinates=expression.number_coordinate_dofs,
         coefficients=sum(k.ufl_element().dim for k in expression.coefficient_offsets),
         size=size,
-        entries=element.dim,
         block=block,
         relative=int(None in shifts),
-        gathers=_gathers(ir, shifts, bool(options.get("history"))),
-        stores=_stores(ir, size, element.dim, first_constant + len(sizes)),
+        gathers=_gathers(ir, shifts, backend.symbols.history),
+        history=_history(backend.symbols, element.dim - size, first_constant + len(sizes)),
         enabled=f"enabled_{name}" if ir.enabled_coefficients else "NULL",
         enabled_init=_enabled(ir, name),
         dtype=np.dtype(options["scalar_type"]).name,
@@ -149,22 +145,18 @@ def differences(ir: IntegralIR) -> set[Any]:
     return {key for key, derived in used.items() if derived}
 
 
-def _gathers(ir: IntegralIR, shifts: set[Any], history: bool) -> str:
-    """Return the calls that gather the coefficients which the integral uses."""
+def _gathers(ir: IntegralIR, shifts: set[Any], history: list[Any]) -> str:
+    """Return the calls that gather the coefficients which the integral uses, but the history."""
     numbers = ir.expression.coefficient_numbering
     lines = []
     for k, offset in ir.expression.coefficient_offsets.items():
-        if not ir.enabled_coefficients[numbers[k]]:
-            continue
         element = k.ufl_element()
-        data = FIRST_COEFFICIENT + 2 * numbers[k]
-        if history and is_history(element):
-            lines.append(LOAD.format(offset=offset, data=data, count=element.dim))
+        if not ir.enabled_coefficients[numbers[k]] or k in history:
             continue
         lines.append(
             GATHER.format(
                 offset=offset,
-                data=data,
+                data=FIRST_COEFFICIENT + 2 * numbers[k],
                 count=element.dim // element.block_size,
                 block=element.block_size,
                 relative=int(k in shifts),
@@ -173,21 +165,20 @@ def _gathers(ir: IntegralIR, shifts: set[Any], history: bool) -> str:
     return "\n".join(lines)
 
 
-def _stores(ir: IntegralIR, size: int, entries: int, flag: int) -> str:
-    """Return the loop that writes the history back, if the test function has such entries."""
-    if size == entries:
-        return ""
-    numbers = ir.expression.coefficient_numbering
-    (number,) = {n for k, n in numbers.items() if is_history(k.ufl_element())}
-    data = FIRST_COEFFICIENT + 2 * number
-    return STORE.format(flag=flag, count=entries - size, data=data, size=size)
+def _history(symbols: Symbols, written: int, flag: int) -> str:
+    """Return where the history of a batch stands, and where it is written.
 
-
-def is_history(element: Any) -> bool:
-    """Return whether an element is one of values at quadrature points."""
-    while element.block_size > 1:
-        element = element.sub_elements[0]
-    return isinstance(element, basix.ufl._QuadratureElement)
+    Args:
+        symbols: Names of the coefficients of the integral.
+        written: Numbers that the integral writes.
+        flag: Position among the addresses of whether they are kept.
+    """
+    if not symbols.history:
+        return NO_HISTORY
+    (history,) = symbols.history
+    data = FIRST_COEFFICIENT + 2 * symbols.coefficient_numbering[history]
+    count = history.ufl_element().dim
+    return HISTORY.format(data=data, count=count, written=written, flag=flag)
 
 
 def _argument_element(ir: IntegralIR) -> Any:

@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem
 
 from forms.elasticity import full, st_venant_kirchhoff
-from workflow.bench import main_scene, peers, roofline, speed, speed_cases
+from workflow.bench import main_scene, memory_cases, peers, roofline, speed, speed_cases
 from workflow.bench.speed_cases import FORMS, REFERENCE, STEEL
 from workflow.cli import main
 
@@ -58,8 +58,10 @@ def test_quick_bench_is_complete(quick):
     """Every part is there with positive, finite numbers; file and stdout hold the same."""
     found, folder = quick
     assert json.loads((folder / "bench.json").read_text()) == found
-    parts = {"kernels", "roofline", "steps", "overhead", "contact", "ranks", "host"}
+    parts = {"kernels", "memory", "roofline", "steps", "overhead", "contact", "ranks", "host"}
     assert found["quick"] and parts | {"peers", "main_scene"} == set(found) - {"quick", "rounds"}
+    assert len(found["memory"]) == 12
+    assert all(row["difference"] < 1e-11 for row in found["memory"])
     for part in parts - {"kernels", "host"}:
         assert found[part] is not None and numbers(found[part])
         assert all(np.isfinite(x) and x > 0 for x in numbers(found[part])), part
@@ -124,6 +126,32 @@ def test_a_code_that_is_not_installed_is_skipped(monkeypatch):
     assert found["codes"]["native float64"]["difference"] < 1e-13
     lines = [part for part in speed._peers(found) if isinstance(part, str)]
     assert lines == [f"{name}: {peers.EXTRA}" for name in peers.MODULES]
+
+
+@pytest.mark.parametrize("element", ["one-point", pytest.param("full", marks=pytest.mark.slow)])
+def test_law_with_a_memory_as_stock_dolfinx_has_it(element):
+    """Two back stresses, every cell flows: force and history of stock, in no more than 1.3 kB."""
+    domain = speed_cases.cube((3, 3, 2), MPI.COMM_SELF)
+    material = memory_cases.MATERIALS["J2, two back stresses"]
+    case = memory_cases.Case(domain, material, element, rotating=False)
+    (native, own), (stock, given) = case.native(memory_cases.BEYOND), case.stock()
+    for _ in range(3):
+        native()
+        stock()
+    for a, b in zip(own(), given(), strict=True):
+        assert np.abs(a - b).max() < 1e-11 * np.abs(b).max() and np.abs(b).max() > 0
+    strain = own()[1][:, :, 6]
+    assert strain.min() > 5e-5  # all points of all cells flow, at every call
+    assert case.bytes == {"one-point": 264, "full": 1280}[element]
+
+
+def test_cells_below_yield_rest():
+    """The other state that is timed: no point of any cell has flowed."""
+    domain = speed_cases.cube((2, 2, 2), MPI.COMM_SELF)
+    case = memory_cases.Case(domain, memory_cases.MATERIALS["J2, isotropic"], "full", False)
+    resting, own = case.native(memory_cases.BELOW)
+    resting()
+    assert not own()[1].any() and case.bytes <= 1200
 
 
 @pytest.mark.long

@@ -17,7 +17,7 @@ from ffcx.ir.representation import compute_ir
 from ffcx.options import get_options
 
 from forms.elasticity import full
-from forms.simd.contraction import Definitions, Generator
+from forms.simd.contraction import Backend, Generator
 from forms.simd.native import this_host
 from meshes.domain import Domain
 from workflow.bench.speed_cases import (
@@ -184,9 +184,7 @@ def operations(form: Any, *, native: bool) -> int:
     total = 0
     for integral in ir.integrals:
         for cell in {key[0] for key in integral.expression.integrand}:
-            backend = FFCXBackend(integral, options)
-            if native:
-                backend.definitions = Definitions(backend, options)
+            backend = (Backend if native else FFCXBackend)(integral, options)
             generator = (Generator if native else IntegralGenerator)(integral, backend)
             total += live(generator.generate(cell))
     return total

@@ -23,7 +23,7 @@ from dolfinx import jit
 
 from forms import kernel
 from forms.simd import native
-from workflow.bench import main_scene, roofline
+from workflow.bench import main_scene, memory_cases, roofline
 from workflow.bench import speed_cases as cases
 from workflow.bench.speed_figure import draw
 from workflow.results.table import Column, Table
@@ -52,6 +52,8 @@ def measure(out: Path, quick: bool, log: Callable[[str], Any] = lambda line: Non
     core, asked = roofline.core(count), roofline.loads(domain, matrix)
     shares = roofline.roofline(core, asked, found["kernels"]["forms"])
     found["roofline"] = {"core": core, "forms": shares, "how": roofline.HOW}
+    log("cells with a memory, and the same by stock DOLFINx (minutes to compile at first)")
+    found["memory"] = memory_cases.memory(domain, core["bandwidth"], count)
     del domain, matrix
     log(f"whole steps on {', '.join(f'{size}³' for size in sizes)} cells")
     found["steps"] = cases.steps(sizes, count)
@@ -167,6 +169,7 @@ def printout(found: dict[str, Any]) -> Iterator[str | Table]:
         loads = found["roofline"]["forms"][title]
         rows = [{"engine": name} | row | loads[name] for name, row in engines.items()]
         yield Table(f"{title}, {found['kernels']['cells']} cells", KERNEL, rows)
+    yield Table("materials with a memory", MEMORY, found["memory"], MEMORY_NOTE)
     yield Table("whole step, St. Venant-Kirchhoff", STEP, found["steps"])
     yield from _overhead(found["overhead"], found["ranks"])
     title = "contact with friction, searches counted in"
@@ -185,6 +188,23 @@ KERNEL = (
     Column("byte", "bytes", ".0f"),
     Column("f/B", "intensity", ".1f"),
     Column("roof", "share", ".0%"),
+)
+MEMORY = (
+    Column("law", "law", words=True),
+    Column("strain", "strain", words=True),
+    Column("element", "element", words=True),
+    Column("M/s", "rate", ".1f", factor=1e-6),
+    Column("of elastic", "ratio", ".2f"),
+    Column("none flows", "ratio_resting", ".2f"),
+    Column("stock", "ratio_stock", ".0f"),
+    Column("error", "difference", ".0e"),
+    Column("byte", "bytes", ".0f"),
+    Column("bandwidth M/s", "bandwidth_rate", ".0f", factor=1e-6),
+)
+MEMORY_NOTE = (
+    "All cells flow, or none does; of elastic: over the rate of elastic cells of the same element "
+    "and strain; stock: times the rate of assemble_vector and Expression, default flags; byte: "
+    "history of a cell; bandwidth: the rate that memory allows"
 )
 STEP = (
     Column("cells", "cells"),

@@ -123,9 +123,9 @@ def tables(summary: dict[str, Any], folder: Path) -> Iterator["Table"]:
 
     yield summary_table(summary, folder)
     if "passes" in summary:
-        from workflow.results.passes import table
+        from workflow.results.passes import tables
 
-        yield table(summary["passes"])
+        yield from tables(summary["passes"])
     if (beside := answers(summary["expected"])) is not None:
         yield beside
 

@@ -23,6 +23,7 @@ from workflow.figures.plastic import plastic_strain
 from workflow.figures.pressure import at_rest, half_spaces, pressure
 from workflow.figures.receptance import receptance
 from workflow.figures.section import contact_nodes, cross_section
+from workflow.figures.shakedown import shakedown_map
 from workflow.figures.shear import adhesion, centre_line, shear_vectors
 from workflow.figures.spectra import modal_participation, sampled_forces, sampled_spectra
 from workflow.model.residual import last_pass
@@ -48,6 +49,7 @@ FIGURES: tuple[Callable[[Record], "Figure | None"], ...] = (
     history,
     pressure,
     plastic_strain,
+    shakedown_map,
     sampled_forces,
     sampled_spectra,
     receptance,

@@ -5,14 +5,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from dolfinx.fem.petsc import assemble_matrix
 
 from forms.cells import one_point
 from forms.dilatation import dilatation, dilatation_energy, mean_stress
-from forms.kernel import CellIntegral, CellKernel
+from forms.kernel import CellIntegral, CellKernel, compiled
 from forms.material_points import Points
 from forms.materials import VOIGT
 from forms.memory import EQUIVALENT, FLOW, PLASTIC
@@ -86,6 +88,7 @@ class MemoryForce:
             "bytes": self.comm.allreduce(self.points.history.table.nbytes),
         }
         self._noticed = False
+        self._soft: tuple[Any, Any] | None = None  # history, and a form of it, for statics
         self._stress_kernels: dict[str, Any] = {}
         self._mean_stress: CellKernel | None = None
         Q = fem.functionspace(domain.msh, ("DG", 0))
@@ -102,6 +105,11 @@ class MemoryForce:
             self._pressure = CellKernel(-form * one_point(dx), precision)
             stored = dilatation_energy(u, material, rotating=rotating) * one_point(dx)
             self._volume = CellIntegral(stored)
+
+    @property
+    def softens(self) -> bool:
+        """Whether statics may ask for :meth:`softening`."""
+        return not self.points.rotating
 
     @property
     def size(self) -> str:
@@ -121,6 +129,24 @@ class MemoryForce:
     def settle_memory(self, state: State) -> None:
         """Renew the history, the force left aside."""
         self.kernel.add(np.zeros_like(state.a.array), renew=True)
+
+    def softening(self) -> PETSc.Mat:
+        """Return what flow changes of the stiffness of the body, at the present step [N/m].
+
+        For small strain: the derivative of a law at large strain takes minutes to compile.
+        """
+        if self._soft is None:
+            msh, points = self.domain.msh, self.points
+            space = fem.functionspace(msh, points.history.coefficient.ufl_element())
+            held = fem.Function(space)
+            self._soft = held, compiled(points.softening(self.u, held))
+        held, form = self._soft
+        V = held.function_space
+        at = V.dofmap.list[self.points.history.cells]
+        held.x.array.reshape(-1, V.dofmap.bs)[at] = self.points.history.values()
+        K = assemble_matrix(form)
+        K.assemble()
+        return K
 
     def _add(self, force: la.Vector, *, renew: bool) -> None:
         self.kernel.add(force.array, renew=renew)

@@ -29,7 +29,7 @@ from workflow.report.tables import (
 )
 from workflow.results import atomic
 from workflow.results.passes import rows_of
-from workflow.results.passes import table as table_of_passes
+from workflow.results.passes import tables as tables_of_passes
 from workflow.results.record import Record, whole
 from workflow.scene.keys import differences
 from workflow.scene.scene import Scene, SceneError, names
@@ -75,7 +75,7 @@ def contents(record: Record, pictures: Sequence[Path], top: Record | None = None
         "status": summary.get("status", UNFINISHED),
         "in_short": in_short(record, summary, found),
         "resume": how_to_resume(top.folder, summary),
-        "passes": table_of_passes(rows) if (rows := rows_of(top.folder)) else None,
+        "passes": tables_of_passes(rows) if (rows := rows_of(top.folder)) else (),
         "model": model_table(record, summary),
         "others": other_table(summary),
         "settings": settings(top.checked),

@@ -9,6 +9,7 @@ plastic strain falls to nothing; where it ratchets, each adds as much as the one
 import csv
 import io
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ from meshes.arrays import Array
 from workflow.model.residual import passes_in
 from workflow.results import atomic
 from workflow.results.batch import opened
+from workflow.results.shakedown import heaviest
 from workflow.results.table import Column, Table
+from workflow.scene import Scene
 
 SECTION, PASSES = "section.csv", "passes.csv"
 COLUMNS = (
@@ -35,6 +38,18 @@ COLUMNS = (
 NOTE = (
     "Equivalent plastic strain, plastic shear γxz and residual stress are the largest below one "
     "place of the surface, and what a pass has added most to a cell there; plastic work is of all"
+)
+MAP = (
+    Column("pass", "pass", ".0f"),
+    Column("p₀/k", "pressure_over_k", ".2f"),
+    Column("T/N", "traction_coefficient", ".3f"),
+    Column("Tγ", "t_gamma", ".3g", "N"),
+    Column("largest plastic strain", "largest_plastic_strain", ".3f", "%", 100),
+)
+MAP_NOTE = (
+    "p₀/k is the largest pressure of a patch or a travelling load over the yield stress in shear "
+    "of the weaker body, T/N and Tγ (tangential over normal force, wear number) are those of that "
+    "patch then"
 )
 ADDED = {
     "added_plastic_strain": "equivalent_plastic_strain",
@@ -80,6 +95,7 @@ def _row(folder: Path, section: Mapping[str, Array]) -> dict[str, Any]:
         lost = history["plastic_dissipation"][:] if "plastic_dissipation" in history else [0.0]
     return {
         "largest_plastic_strain": float(max(largest, default=0.0)),
+        **heaviest(folder, Scene.check(tomllib.loads((folder / "scene.toml").read_text("utf-8")))),
         "plastic_work": float(lost[-1] - lost[0]),
         "section_plastic_strain": _largest(section, "equivalent_plastic_strain"),
         "section_shear": _largest(section, "plastic_shear_xz"),
@@ -100,9 +116,12 @@ def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     _write(folder / PASSES, head, [[row[name] for name in head] for row in rows])
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the table of passes."""
-    return Table("passes", COLUMNS, rows, NOTE)
+def tables(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """Return the table of passes, and that of their points on the shakedown map if there are."""
+    found = [Table("passes", COLUMNS, rows, NOTE)]
+    if any(row.get("pressure_over_k") is not None for row in rows):
+        found.append(Table("points on the shakedown map", MAP, rows, MAP_NOTE))
+    return found
 
 
 def _write(path: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

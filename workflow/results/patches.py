@@ -65,6 +65,11 @@ COLUMNS = {
 }
 
 
+def traction_coefficient(patch: "Patch") -> float:
+    """Return the tangential over the normal force of a patch [-]."""
+    return float(np.linalg.norm(patch.frame[:2] @ patch.tangential_force) / patch.normal_force)
+
+
 def t_gamma(patch: "Patch", motion: "Creepage") -> float:
     """Return the tangential force times creepage [N], the wear number: heat per way rolled.
 
@@ -112,8 +117,12 @@ def patch_rows(
     footprint: "Footprint",
     identity: npt.NDArray[np.int64],
     motion: "Sequence[Creepage]",
+    k: float | None = None,
 ) -> Iterator[Item]:
-    """Yield the columns of the table of an HDF5 file, a row for each patch."""
+    """Yield the columns of the table of an HDF5 file, a row for each patch.
+
+    With ``k``, the yield stress in shear [Pa], those of steel too.
+    """
     n = len(identity)
     yield rows(f"{table}/output", np.full(n, output), "1", "number of the output", CHUNK)
     yield rows(f"{table}/t", np.full(n, t), "s", "time", CHUNK)
@@ -122,6 +131,13 @@ def patch_rows(
         pairs = zip(footprint.patches, motion, strict=True)
         values = np.array([column.value(p, c) for p, c in pairs], dtype=np.float64)
         yield rows(f"{table}/{name}", values, column.unit, column.about, CHUNK)
+    if n and k is not None:
+        pressure = np.array([patch.max_pressure / k for patch in footprint.patches])
+        about = "largest pressure over the yield stress in shear of the weaker body"
+        yield rows(f"{table}/pressure_over_k", pressure, "1", about, CHUNK)
+        traction = np.array([traction_coefficient(patch) for patch in footprint.patches])
+        about = "tangential over normal force"
+        yield rows(f"{table}/traction_coefficient", traction, "1", about, CHUNK)
 
 
 def event_rows(table: str, events: "Sequence[Event]") -> Iterator[Item]:

@@ -16,6 +16,7 @@ from workflow.results.columns import Item, note, rows
 from workflow.results.fields import FieldWriter
 from workflow.results.folder import Resume, cut, on_root
 from workflow.results.patches import event_rows, patch_rows
+from workflow.results.shakedown import yield_in_shear
 from workflow.results.table import strict
 from workflow.scene import Scene, SceneError
 
@@ -66,6 +67,7 @@ class Results:
                 self._remove()
             raise SceneError(f"out = {str(folder)!r}: {error}") from None
         self.outputs = resume.outputs if resume else 0
+        self.k = yield_in_shear(scene)
 
     def _open(self, scene: Scene, resume: Resume | None) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -131,7 +133,8 @@ class Results:
         if contact.sides and name not in self._kept:
             self._kept.add(name)
             yield from footprints.surface_items(name, contact.sides)
-        yield from patch_rows(f"patches/{name}", self.outputs, t, foot, identity, contact.motion)
+        table, motion = f"patches/{name}", contact.motion
+        yield from patch_rows(table, self.outputs, t, foot, identity, motion, self.k)
         yield from event_rows(f"patches/{name}/events", events)
 
     def add(self, record: Callable[[], Iterable[Item]]) -> None:

@@ -98,6 +98,11 @@ class AtRest:
         """Whether it matters on which way the bodies come to rest."""
         return bool(self._remembering)
 
+    @property
+    def softens(self) -> bool:
+        """Whether there are bodies whose stiffness after flow is known."""
+        return any(getattr(item, "softens", False) for item in self._remembering)
+
     def remember(self) -> None:
         """Take the memory of the materials on to the present displacement."""
         for item in self._remembering:

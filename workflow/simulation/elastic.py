@@ -61,17 +61,28 @@ class Elastic:
         free: Motions that are balanced by their inertia, instead of anchors; None for none.
     """
 
-    def __init__(self, model: Model, held: npt.NDArray[np.int32], free: Free | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        held: npt.NDArray[np.int32],
+        free: Free | None = None,
+        *,
+        soft: bool = False,
+    ) -> None:
         """Factorise; collective.
 
         Args:
             model: The model.
             held: Owned scalar dofs that stay.
             free: Motions that are balanced by their inertia.
+            soft: Whether bodies that flow at the present displacement are as soft as that.
         """
         domain, self.free = model.domain, free
         self.comm, self.n, self.held = domain.msh.comm, 3 * domain.owned, held
         K = elastic_stiffness(model)
+        for item in model.items if soft else ():
+            if getattr(item, "softens", False):
+                K.axpy(1.0, item.softening(), structure=DIFFERENT)
         first = domain.V.dofmap.index_map.local_range[0]
         if model.connections is not None:
             rows, columns, values = model.connections.stiffness(first + np.arange(domain.owned))

@@ -4,7 +4,8 @@
 The bodies yield linearly, as at the undeformed shape, to the forces out of balance and to contact
 springs that push and never pull (:mod:`workflow.simulation.pressing`). That step is repeated with
 the true shape, normals and places of contact until the forces balance, each time a little way
-beyond what is linear. The stiffness is factorised once.
+beyond what is linear. The stiffness is factorised once; where steel flows and the steps get stuck,
+once more with the stiffness that is left of it (:meth:`forms.material_points.Points.softening`).
 """
 
 import numpy as np
@@ -22,6 +23,7 @@ from workflow.simulation.secants import Secants
 ROUGH = 1e-2  # tolerance before the last increment of a shift
 ROUGH_LOAD = 1e-3  # tolerance before the last increment of the loads
 SMALLEST = 1 / 64  # of the loads, in an increment that was halved
+PATIENCE, STUCK = 5, 0.5  # iterations with one factor; of a residual, left by a step that is stuck
 LEFT = 0.3  # of the work of the forces out of balance at the end of a search, at most
 
 
@@ -108,9 +110,9 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
     model, settings, comm = problem.model, problem.settings, problem.model.domain.msh.comm
     n = 3 * model.domain.owned
     du = la.vector(model.domain.V.dofmap.index_map, 3)
-    residual, size = problem.out_of_balance(), np.inf
+    residual, size, since = problem.out_of_balance(), np.inf, 0
     for iteration in range(settings.max_iterations + 1):
-        own = residual.array[:n]
+        own, before = residual.array[:n], size
         # numpy, not PETSc, whose norms are remembered while the array changes beneath
         size = float(np.sqrt(comm.allreduce(own @ own))) / problem.load_size()
         active = sum(p.active for p in model.pairs.values())
@@ -119,6 +121,11 @@ def newton(problem: AtRest, solver: "Solver", tolerance: float, log: Log) -> int
             return iteration
         if not np.isfinite(size):
             break
+        since += 1
+        if problem.softens and since > PATIENCE and size > STUCK * before:
+            log(f"equilibrium {iteration}: stiffness of the steel that flows")
+            solver.soften()
+            since = 0
         solver.solve(residual, du)
         share = along(problem, residual, du)
         if share < 1.0:
@@ -139,13 +146,20 @@ class Solver:
     """
 
     def __init__(self, problem: AtRest, pushing: Pushing | None = None) -> None:
-        self.model = problem.model
+        self.model, self._problem = problem.model, problem
         self.elastic = Elastic(problem.model, problem.held, problem.free)
         self.surfaces = Surfaces(problem.model, self.elastic, pushing)
         self.force = np.zeros(self.surfaces.count)
         self.secants = Secants(problem.model.domain.msh.comm)
         index_map = problem.model.domain.V.dofmap.index_map
         self._load, self._way = (la.vector(index_map, 3) for _ in range(2))
+
+    def soften(self) -> None:
+        """Take the stiffness that flow leaves at the present displacement."""
+        problem = self._problem
+        self.elastic = Elastic(problem.model, problem.held, problem.free, soft=True)
+        self.surfaces.take(self.elastic)
+        self.secants.forget()
 
     def solve(self, residual: la.Vector, du: la.Vector) -> None:
         """Set ``du`` to the step that the forces out of balance ask for, held dofs at rest.

@@ -71,7 +71,7 @@ class Surfaces:
             elastic: Its bodies.
             pushing: Direction in which springs push; along their normals if None.
         """
-        self.model, self.elastic, self.pushing = model, elastic, pushing
+        self.model, self.pushing = model, pushing
         stacks = [side.stack for pair in model.pairs.values() for side in pair.passes]
         self.count = sum(stack.nc for stack in stacks)
         none = np.zeros(0, dtype=np.int64)
@@ -80,6 +80,11 @@ class Surfaces:
         own = model.domain.nodes[: model.domain.owned]
         _, place, dof = np.intersect1d(self.nodes, own, return_indices=True)
         self._place, self._dof = _axes(place), _axes(dof)
+        self.take(elastic)
+
+    def take(self, elastic: Elastic) -> None:
+        """Take bodies, whose answers to all springs are to be learned."""
+        self.elastic = elastic
         self._column = np.full(self.count, -1)
         self._B = self._P = csr_array((0, 3 * len(self.nodes)))
         self._U = np.zeros((3 * len(self.nodes), 0))
