@@ -155,10 +155,27 @@ def _followed(process: "subprocess.Popen[str]", asked: Callable[[], int]) -> str
             out, _ = process.communicate(timeout=interrupts.POLL)
             return out
         if asked() and end is None:
-            process.terminate()
+            # to the ranks: the launcher of Open MPI would not let them end by themselves
+            for pid in ranks_of(process.pid) or [process.pid]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGTERM)
             end = time.monotonic() + GRACE
         if end is not None and time.monotonic() > end:
             process.kill()
+
+
+def ranks_of(launcher: int) -> list[int]:
+    """Return the processes below a launcher that run this Python; none where there is no /proc."""
+    found: list[int] = []
+    above = [launcher]
+    while above:
+        for task in Path(f"/proc/{above.pop()}/task").glob("*/children"):
+            with contextlib.suppress(OSError):  # one that has just ended
+                for pid in map(int, task.read_text().split()):
+                    words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+                    ours = os.fsdecode(words[0]) == sys.executable
+                    (found if ours else above).append(pid)
+    return found
 
 
 def alike(comm: "MPI.Comm", patience: float = PATIENCE) -> bool:
