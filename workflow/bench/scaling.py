@@ -315,7 +315,8 @@ def printout(found: dict[str, Any]) -> Iterator[str | Table]:
     """Yield the tables of a scaling, and what they come to."""
     network = found["network"]
     searching = found["search_seconds"] / max(found["contact_seconds"], 1e-12)
-    cells = ", ".join(f"{k} {1e-6 / s:.1f}" for k, s in found["rates"]["cell"].items())
+    rates = found["rates"]["cell"].items()
+    cells = ", ".join(f"{k} {1e-6 / s:.1f} ({e})" for k, own in rates for e, s in own.items())
     yield (
         f"{found['scene']}: {found['cells']} cells, {found['nodes']} nodes; ranks share "
         f"{found['contact_nodes']} contact nodes at a step, {found['contact_surface']} at a search "
