@@ -191,4 +191,14 @@ def main() -> None:
         except Alone as error:
             end(str(error), 3)
         except Exception as error:
+            drop_rest()
             fail(*told(error))
+
+
+def drop_rest() -> None:
+    """Drop what stdout cannot take, on a full disk: Python 3.14 would try again and end with 120."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
