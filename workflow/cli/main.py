@@ -184,6 +184,7 @@ def main() -> None:
             app()
         except SystemExit as stop:
             if type(sys.stdout).__name__ == "PacifyFlushWrapper":
+                drop_rest()
                 sys.exit(0)  # so typer leaves a reader that has seen enough, as head; with 1
             raise stop
         except interrupts.Interrupted as stop:
@@ -196,9 +197,8 @@ def main() -> None:
 
 
 def drop_rest() -> None:
-    """Drop what stdout cannot take, on a full disk: Python 3.14 would try again and end with 120."""
-    try:
+    """Drop what stdout cannot take, for good: Python 3.14 would try again and end with 120."""
+    with contextlib.suppress(OSError):
         sys.stdout.flush()
-    except OSError:
-        with contextlib.suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with contextlib.suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
