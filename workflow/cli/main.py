@@ -197,8 +197,11 @@ def main() -> None:
 
 
 def drop_rest() -> None:
-    """Drop what stdout cannot take, for good: Python 3.14 would try again and end with 120."""
-    with contextlib.suppress(OSError):
-        sys.stdout.flush()
-    with contextlib.suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Drop what stdout cannot take: Python 3.14 would try again at the end, and exit with 120."""
+    stdout = sys.__stdout__  # typer may have put a wrapper that says nothing in its place
+    if stdout is None:
+        return
+    try:
+        stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stdout.fileno())
