@@ -186,6 +186,13 @@ def main() -> None:
             if type(sys.stdout).__name__ == "PacifyFlushWrapper":
                 drop_rest()
                 sys.exit(0)  # so typer leaves a reader that has seen enough, as head; with 1
+            try:
+                sys.stdout.flush()
+            except BrokenPipeError:
+                drop_rest()
+            except OSError as error:
+                drop_rest()
+                fail(*told(error))
             raise stop
         except interrupts.Interrupted as stop:
             fail(130, str(stop))
