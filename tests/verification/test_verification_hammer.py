@@ -70,6 +70,7 @@ def close(found: Receptance, exact: np.ndarray, low: float, high: float) -> bool
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_row_41_pinned_pinned(tmp_path):
     """6 m of rail for 25 ms, half way between sleepers: 1 dB from 400 to 700 Hz, and the peak.
 

@@ -14,7 +14,7 @@ NEAR = {"box": [[-1.0, -1.0, -1.0], [0.05, 1.0, 1.0]]}  # the half of the bar at
 SLOW = {"mesh.size": 2.5e-3, "bodies.bar.velocity": [-10.0, 0.0, 0.0]}
 
 KINDS = [("full", "small-strain"), ("selective", "total-lagrangian")]
-KINDS += [pytest.param("one-point", "total-lagrangian", marks=pytest.mark.slow)]
+KINDS += [pytest.param("one-point", "total-lagrangian", marks=[pytest.mark.slow, pytest.mark.long])]
 
 
 def history(folder):
