@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Whether the sliding state of a scene is unstable by itself: an oscillation that is no fault.
 
-What grows in an exact solution of the model grows on every mesh and at every step. Where a scene
-begins in sliding, its complex eigenvalues say at what frequency and how fast.
+What grows in an exact solution on this mesh is no fault of the step. Where a scene begins in
+sliding, its complex eigenvalues say at what frequency and how fast; finer cells may change both.
 """
 
 from collections.abc import Callable, Iterator
@@ -69,6 +69,6 @@ def in_words(found: dict[str, Any] | None) -> Iterator[str]:
         fastest = found["growing"][0]
         yield (
             f"sliding state by itself: {fastest['frequency'] / 1e3:.3g} kHz grows by "
-            f"{fastest['growth_rate']:.3g} per second, whatever mesh and step are; "
+            f"{fastest['growth_rate']:.3g} per second, at any step; "
             f"{len(found['growing'])} of the modes to {found['top'] / 1e3:.3g} kHz grow"
         )
